@@ -77,11 +77,11 @@ class ParameterForm:
 
 def is_physical(geometry: ContactGeometry) -> bool:
     """Whether the normal is a unit vector and the tangents are one friction coefficient times an orthonormal pair across it."""
-    frame = np.vstack([geometry.normal, geometry.tangents])
-    gram = frame @ frame.T
-    friction = gram[1, 1]
-    expected = np.diag([1.0, friction, friction])
-    return friction > 0.0 and bool(np.abs(gram - expected).max() < PHYSICAL_TOLERANCE)
+    friction = float(np.linalg.norm(geometry.tangents[0]))
+    if not friction > 0.0:
+        return False
+    frame = np.vstack([geometry.normal, geometry.tangents / friction])  # rounding errors are shares of the friction
+    return bool(np.abs(frame @ frame.T - np.eye(3)).max() < PHYSICAL_TOLERANCE)
 
 
 def form_of_geometry(geometry: ContactGeometry) -> Form:

@@ -3,7 +3,7 @@
 - cube: ContactNets' tosses below 400, from the folder tosses_processed/ of the one that CONTACTNETS_DATA names; those from
   400 on, and duplicates of them, are left out
 - square: 350 throws of a bouncing square prism in a vertical plane (Fazeli; DAIRLab/ImpactModeling), as poses (K, 200, 3) of
-  x [m], z [m] and theta [rad] at 250 Hz in throws.npz, in the folder that SQUARE_DATA names
+  x [m], z [m] and theta [rad], from x towards z, at 250 Hz in throws.npz, in the folder that SQUARE_DATA names
 - slab, wedge, irregular: thrown in MuJoCo from random releases, with the noise of the real rig's tracker; the truth is known
 
 A third of the tosses, drawn by a seed, judges what is learned from the others.
@@ -90,7 +90,7 @@ def _square() -> tuple[Body, tuple[Toss, ...]]:
     half = 0.5 * SQUARE_SIDE
     inertia = SQUARE_SIDE**2 / 6.0 * np.eye(3)
     body = Body("square", box([half] * 3).vertices, 1.0, inertia, 0.3, half)
-    turns = np.stack([np.zeros_like(poses[..., 2]), poses[..., 2], np.zeros_like(poses[..., 2])], axis=-1)
+    turns = np.stack([np.zeros_like(poses[..., 2]), -poses[..., 2], np.zeros_like(poses[..., 2])], axis=-1)
     lifted = np.stack([poses[..., 0], np.zeros_like(poses[..., 0]), poses[..., 1]], axis=-1)
     orientations = np.stack([quaternions.exp(turn) for turn in turns])
     motions = zip(lifted, orientations, strict=True)

@@ -1,4 +1,8 @@
-"""Node `pose_ingest`: cuts a tracker's poses into tosses, and stores each toss before announcing it."""
+"""Node `pose_ingest`: cuts a tracker's poses into tosses, and stores each toss before announcing it.
+
+Inactive, it has left the pose topics and says that there is no tracker; what it has received is processed, and what is stored
+can be requested. Active again it goes on as after an interruption of the poses.
+"""
 
 import sys
 from collections.abc import Sequence
@@ -22,6 +26,7 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
+from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import READ_TYPES, PoseTopics, Received
@@ -52,7 +57,7 @@ LARGEST_PAGE = 32
 """Largest number of tosses in a response of `get_tosses`."""
 
 
-class PoseIngest(StageNode):
+class PoseIngest(ManagedNode):
     """Stores and announces the tosses of one body."""
 
     def __init__(self) -> None:
@@ -85,6 +90,11 @@ class PoseIngest(StageNode):
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
         self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, "poses", self._health, self._body.name)
+        self.start()
+
+    def deactivated(self) -> None:
+        self._topics.leave()
+        self._look()
 
     def close(self) -> None:
         self._worker.stop()
@@ -92,7 +102,8 @@ class PoseIngest(StageNode):
 
     def _look(self) -> None:
         """Follows the graph, and publishes on `tracked` whether there is a tracker, without which no throw may be commanded."""
-        self._topics.follow()
+        if self.active:
+            self._topics.follow()
         if self._topics.has_publisher != self._said_tracked:
             self._said_tracked = self._topics.has_publisher
             self._tracked.publish(Bool(data=self._said_tracked))
@@ -170,6 +181,8 @@ class PoseIngest(StageNode):
             values["noise"] = f"{self._ingest.noise.multiple:.1f}"
             if rate and (text := self._ingest.noise_warning()):
                 return Health(text, values, warning=True)
+        if not self.active:
+            return Health(self.inactive, values, warning=True)
         if self._topics.source is None:
             what = f"poses: {self._topics.waiting_for or 'none yet'}"
             return Health(f"waiting for {what}", values, warning=True, waiting_for=what)

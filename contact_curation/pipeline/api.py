@@ -22,6 +22,7 @@ from contact_curation.pipeline.division import DivisionConfig, held_out_rule, le
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import Theta, described_polytope, form_of, theta_of
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
@@ -166,6 +167,7 @@ def rank(
     estimator: str = SCORING.estimator.value,
     seed: int = RANKING.seed,
     held_out: str | None = None,
+    index: str | PathLike[str] | None = None,
     jobs: int | None = None,
     progress: Progress = silent,
 ) -> RankedTosses:
@@ -181,7 +183,10 @@ def rank(
         model: the model whose parameters the information is about, or its file; None for the body as described.
         estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
         seed: random seed of the criterion ``random``.
-        held_out: tosses that are neither scored nor ranked: numbers (``"400-569"``), a share (``"0.2"``), or a file of ids.
+        held_out: tosses that are not ranked, nor are their duplicates: numbers (``"400-569"``), a share (``"0.2"``), or a file
+            of ids.
+        index: folder that keeps what was read and scored, so that a second ranking reads and scores only what changed; None for
+            none, and for tosses from `read`.
         jobs: number of processes that read recordings; None for one per processor, as long as starting them saves time.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
@@ -199,6 +204,8 @@ def rank(
         24
         >>> ranking.save("manifest.parquet")
     """
+    if index is not None and isinstance(tosses, Tosses):
+        raise InvalidValueError("index", fspath(index), "none for tosses that were read: give the recordings")
     source = tosses if isinstance(tosses, Tosses) else input_paths(tosses)
     known = _body(body, model)
     reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(known or CONTACTNETS_CUBE)
@@ -210,6 +217,7 @@ def rank(
         parameters=f"body {reading.body.name}" if model is None else getattr(model, "name", str(model)),
         held_out=HeldOutRule() if held_out is None else held_out_rule(held_out),
         jobs=jobs,
+        index=None if index is None else RecordingIndex(Path(index)),
     )
     ranked = rank_tosses(source, config, progress)
     ranked.evidence()  # refuses where nothing was ranked

@@ -6,14 +6,15 @@ recording.
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
-from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, split
+from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, possible_duplicates, split
 from contact_curation.motion.toss import Toss
-from contact_curation.pipeline.tosses import Tosses
+from contact_curation.pipeline.reading import Reading
+from contact_curation.pipeline.tosses import EachOnce, Tosses
 from contact_curation.pipeline.wording import counted_tosses, listed
 from contact_curation.storage.manifest.file import FORMATS, read_manifest
 
@@ -92,19 +93,38 @@ class HeldOutTosses:
     warnings: tuple[str, ...] = ()
 
 
-def held_out_tosses(tosses: Tosses, rule: HeldOutRule) -> HeldOutTosses:
-    """Finds the held-out tosses and their duplicates under other ids.
+def held_out_tosses(
+    readings: Sequence[Reading], rule: HeldOutRule, motions: Callable[[Mapping[str, int]], Mapping[str, Toss]]
+) -> HeldOutTosses:
+    """Finds the held-out tosses of recordings and their duplicates under other ids.
+
+    Args:
+        readings: what is known of the recordings.
+        rule: what is held out.
+        motions: gets ids with the places of their recordings, and returns these tosses; called only if some may be duplicates.
 
     Raises:
         InvalidValueError: the rule holds out none of the tosses.
     """
-    pool = tosses.numbered
-    parts = split(pool, rule)
+    if rule == HeldOutRule():
+        return HeldOutTosses()
+    once = EachOnce()
+    for reading in readings:
+        once.add(reading)
+    pool = {toss_id: taken for toss_id, taken in sorted(once.taken.items()) if not taken.seen.reasons}
+    numbers = {toss_id: taken.seen.number for toss_id, taken in pool.items()}
+    ids = frozenset(toss_id for toss_id, number in numbers.items() if rule.names(toss_id, number))
     if pool:
-        _check_something_is_held_out(rule, len(parts.held_out), pool)
-    reasons = {toss.toss_id: HELD_OUT for toss in parts.held_out}
+        _check_something_is_held_out(rule, len(ids), numbers.values())
+    outlines = {
+        held_out: {i: one.seen.outline for i, one in pool.items() if (i in ids) == held_out} for held_out in (False, True)
+    }
+    alike = sorted(possible_duplicates(outlines[False], outlines[True]))
+    tosses = motions({toss_id: pool[toss_id].recording for toss_id in alike}) if alike else {}
+    parts = split([NumberedToss(tosses[toss_id], numbers[toss_id]) for toss_id in alike], HeldOutRule(ids=ids))
+    reasons = dict.fromkeys(ids, HELD_OUT)
     reasons |= {duplicate.left_out: f"{DUPLICATE}: {duplicate.held_out}" for duplicate in parts.duplicates}
-    return HeldOutTosses(reasons, tuple(_unknown_ids(rule, pool)))
+    return HeldOutTosses(reasons, tuple(_unknown_ids(rule, numbers)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +177,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     exempt = frozenset() if config.said or selected is None else selected
     held_out = [one for one in pool if one.toss.toss_id not in exempt and config.rule.holds_out(one)]
     if config.said:
-        _check_something_is_held_out(config.rule, len(held_out), pool)
+        _check_something_is_held_out(config.rule, len(held_out), [one.number for one in pool])
     others = [one for one in pool if selected is None or one.toss.toss_id in selected]
     if not others:
         raise OtherRecordingsError(config.manifest, tosses.paths)
@@ -175,7 +195,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
 def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: DivisionConfig) -> list[str]:
     """Lines about ids that were named and are not there, or not to be learned from."""
     there = {one.toss.toss_id for one in tosses}
-    lines = _unknown_ids(config.rule, tosses)
+    lines = _unknown_ids(config.rule, there)
     selected = config.selected or ()
     absent = [toss_id for toss_id in selected if toss_id not in there]
     if absent:
@@ -187,25 +207,24 @@ def _missing(tosses: Sequence[NumberedToss], held_out: frozenset[str], config: D
     return lines
 
 
-def _check_something_is_held_out(rule: HeldOutRule, held_out: int, pool: Sequence[NumberedToss]) -> None:
-    """InvalidValueError when a rule that a user gave holds nothing out of a pool."""
+def _check_something_is_held_out(rule: HeldOutRule, held_out: int, numbers: Collection[int]) -> None:
+    """InvalidValueError when a rule that a user gave holds nothing out of a pool with these numbers."""
     if held_out or rule == HeldOutRule():
         return
-    tosses = counted_tosses(len(pool))
+    tosses = counted_tosses(len(numbers))
     if rule.spans:
         spans = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in rule.spans)
-        least, most = (best(one.number for one in pool) for best in (min, max))
-        raise InvalidValueError("--held-out", f"numbers {spans}", f"some of the {tosses} that passed, from {least} to {most}")
+        said = f"some of the {tosses} that passed, from {min(numbers)} to {max(numbers)}"
+        raise InvalidValueError("--held-out", f"numbers {spans}", said)
     if rule.ids:
         found = f"{len(rule.ids)} ids, none of them of the {tosses}"
         raise InvalidValueError("--held-out", found, "ids of these recordings: is it the file of others?")
-    expected = f"more tosses, a larger share, or numbers such as 0-{max(0, len(pool) // 5)}"
+    expected = f"more tosses, a larger share, or numbers such as 0-{max(0, len(numbers) // 5)}"
     raise InvalidValueError("--held-out", f"a share of {rule.share:g} that takes none of {tosses}", expected)
 
 
-def _unknown_ids(rule: HeldOutRule, tosses: Sequence[NumberedToss]) -> list[str]:
+def _unknown_ids(rule: HeldOutRule, there: Collection[str]) -> list[str]:
     """A line about ids that a rule names and that are not there, or none."""
-    there = {one.toss.toss_id for one in tosses}
     unknown = [toss_id for toss_id in sorted(rule.ids) if toss_id not in there]
     if not unknown:
         return []

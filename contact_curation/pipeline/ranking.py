@@ -1,4 +1,4 @@
-"""Ranks recordings: sets held-out tosses aside, scores and ranks the others, and makes the manifest."""
+"""Ranks recordings: scores all tosses, sets the held-out ones aside, ranks the others, and makes the manifest."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -10,12 +10,11 @@ from contact_curation.information.curation import Curation
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.ranker import RankingConfig, criterion_named
 from contact_curation.learning.evaluation.held_out import HeldOutRule
-from contact_curation.pipeline.division import held_out_tosses
 from contact_curation.pipeline.pool import TossPool, pool_of_inputs
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.recordings.index import RecordingIndex
-from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, Source, score_pool
-from contact_curation.pipeline.tosses import Tosses, read_tosses
+from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, score_pool
+from contact_curation.pipeline.tosses import Tosses
 from contact_curation.pipeline.workers import Engine, LocalEngine, Progress, processes_for, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.manifest.manifest import Diagnostic, Manifest
@@ -34,7 +33,7 @@ class RankConfig:
         ranking: how these are ranked.
         model: what theta parameterises.
         parameters: where theta comes from, for the manifest.
-        held_out: what is neither scored nor ranked.
+        held_out: what is not ranked, and changes nothing of the ranking.
         jobs: how many processes at most; None for one per processor as far as starting them pays.
         engine: schedules the recordings; None for processes of this machine.
         index: what was read and scored before.
@@ -84,42 +83,21 @@ def rank_tosses(
             "one that needs no exact scores of a network's weights with --engine ray, which lie in a folder of one machine"
         )
         raise InvalidValueError("criterion", config.ranking.criterion, expected)
-    sources, missing, jobs = _sources(source, config, progress)
+    sources, jobs = (source.recordings(), 1) if isinstance(source, Tosses) else (source, processes_for(source, config.jobs))
     with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
         pool_config = config.with_exact_scores_in(Path(folder)).pool
         with progress("scoring", "tosses") as bar:
             engine, index = config.engine or LocalEngine(jobs), config.index and config.index.made()
-            scored = score_pool(sources, pool_config, engine, bar.advance, spool, index)
+            scored = score_pool(sources, pool_config, engine, bar.advance, spool, index, config.held_out)
         pool = pool_of_inputs(scored.inputs)
         curation = pool.curated(config.ranking, pool_config.score_folder) if pool.rankable else None
         reasons = pool.reasons(curation, config.ranking) if curation else {}
         if watcher and curation:
             watcher(pool, curation)
-    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out, *missing)
+    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *pool.left_out, *scored.warnings)
     manifest = _manifest(config, scored, pool, curation)
     kept = source if isinstance(source, Tosses) else tuple(source)
     return RankedTosses(manifest, curation, pool, warnings, kept, config.pool.reading, reasons)
-
-
-def _sources(
-    source: Sequence[Path] | Tosses, config: RankConfig, progress: Progress
-) -> tuple[Sequence[Source], tuple[str, ...], int]:
-    """What is scored; warnings about what is held out; and how many processes there are."""
-    if isinstance(source, Tosses):
-        held_out = held_out_tosses(source, config.held_out) if config.held_out != HeldOutRule() else None
-        tosses = source.without(held_out.reasons) if held_out else source
-        return tosses.recordings(), held_out.warnings if held_out else (), 1
-    jobs = processes_for(source, config.jobs)
-    if config.held_out == HeldOutRule():
-        return source, (), jobs
-    if config.engine or config.index:
-        expected = "none with an index or --engine ray: all tosses would be read into this process's memory"
-        raise InvalidValueError("--held-out", "one", expected)
-    # A training toss can be the duplicate of a held-out one that comes later: all are read before the first is scored.
-    with progress("reading", "tosses") as bar:
-        read = read_tosses(source, config.pool.reading, jobs, bar.advance)
-    recordings, missing, _ = _sources(read, config, progress)
-    return recordings, missing, jobs
 
 
 def _manifest(config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None) -> Manifest:

@@ -1,7 +1,7 @@
 """Reads one recording as a stream of motions, and remembers a summary of each one."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from contact_curation.contact.body import Body
@@ -18,12 +18,10 @@ class ReadingConfig:
     Attributes:
         body: what was tossed.
         inputs: topics, rules of segmenting, gates.
-        held_out: tosses that are rejected though they pass the gates: why, by id.
     """
 
     body: Body
     inputs: InputsConfig = field(default_factory=InputsConfig)
-    held_out: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,18 @@ class Reading:
         own = f"{Path(self.path).name}: "  # of a bag that is one file
         return (*self.problems, *(f"{self.path}: {line.removeprefix(own)}" for line in self.losses))
 
+    def without(self, reasons: Mapping[str, str]) -> "Reading":
+        """The same, but accepted tosses that have a reason are rejected for it.
+
+        Args:
+            reasons: by id.
+        """
+        seen = (
+            replace(one, reasons=(reasons[one.toss_id],)) if one.toss_id in reasons and not one.reasons else one
+            for one in self.seen
+        )
+        return replace(self, seen=tuple(seen))
+
 
 class InputReader:
     """Reads one recording once: iterate over `outcomes` or `tosses` to the end, then ask for `reading`."""
@@ -59,7 +69,6 @@ class InputReader:
     def __init__(self, path: Path, config: ReadingConfig) -> None:
         self._path = path
         self._inputs = open_inputs([path], config.body, config.inputs)
-        self._held_out = config.held_out
         self._seen: dict[str, SeenToss] = {}
         self._problems: list[str] = []
 
@@ -69,15 +78,13 @@ class InputReader:
             if isinstance(item, Problem):
                 self._problems.append(str(item))
                 continue
-            if isinstance(item, Toss) and item.toss_id in self._held_out:
-                item = Rejected(item, (self._held_out[item.toss_id],))
             toss, reasons = (item.toss, item.reasons) if isinstance(item, Rejected) else (item, ())
             self._seen.pop(toss.toss_id, None)
             self._seen[toss.toss_id] = seen_toss(toss, reasons, self._inputs.origin)
             yield item
 
     def tosses(self) -> Iterator[Toss]:
-        """Iterates over the tosses that passed the gates and are not held out."""
+        """Iterates over the tosses that passed the gates."""
         return (item for item in self.outcomes() if isinstance(item, Toss))
 
     def reading(self) -> Reading:
@@ -86,11 +93,16 @@ class InputReader:
         return Reading(
             path=str(self._path),
             sha256=summary.sha256 if summary else "",
-            seen=tuple(self._seen.values()),
+            seen=numbered(self._seen.values()),
             problems=tuple(self._problems),
             losses=summary.losses if summary else (),
             complete=summary is not None,
         )
+
+
+def numbered(seen: Iterable[SeenToss]) -> tuple[SeenToss, ...]:
+    """The motions of a recording; the number of one that has none is its place, from 0."""
+    return tuple(replace(one, number=place) if one.number < 0 else one for place, one in enumerate(seen))
 
 
 def settings_of(rig: RigCalibration) -> str:

@@ -7,7 +7,7 @@ losses are known.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import batched
@@ -16,18 +16,21 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from contact_curation.errors import ContactCurationError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.config import NetworkConfig
 from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
+from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.division import HeldOutTosses, held_out_tosses
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.pipeline.recordings.index import IndexedTosses, RecordingIndex, RecordingReader, Scores, digest_of_scores
 from contact_curation.pipeline.theta import NetworkTheta, Theta
 from contact_curation.pipeline.tosses import EachOnce, Recording
-from contact_curation.pipeline.workers import Advance, Broken, Engine
+from contact_curation.pipeline.workers import Advance, Broken, Engine, unheard
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.stores.factor_spool import FactorSpool
 
@@ -36,6 +39,8 @@ BATCH = 64
 
 BOUND_QUANTILE = 0.985
 """Losses above this quantile of the pool's count as this much (method.md 2.1: 98 to 99 %)."""
+
+NOTHING_HELD_OUT = HeldOutRule()
 
 type Source = Path | Recording
 """A recording, to be read or already read."""
@@ -103,6 +108,11 @@ class ScoredInput:
     reading: Reading
     scores: dict[str, Scores]
 
+    def without(self, reasons: Mapping[str, str]) -> "ScoredInput":
+        """The same, but tosses that have a reason, by id, are rejected for it."""
+        scores = {toss_id: one for toss_id, one in self.scores.items() if toss_id not in reasons}
+        return ScoredInput(self.reading.without(reasons), scores) if reasons else self
+
 
 @dataclass(frozen=True, eq=False)
 class _Losses:
@@ -124,10 +134,12 @@ class ScoredPool:
     Attributes:
         inputs: one each.
         bounds: on losses, one per theta; inf where there is none.
+        warnings: about held-out tosses that nobody has, one line each.
     """
 
     inputs: tuple[ScoredInput, ...]
     bounds: tuple[float, ...]
+    warnings: tuple[str, ...] = ()
 
 
 def score_pool(
@@ -137,6 +149,7 @@ def score_pool(
     advance: Advance,
     spool: FactorSpool,
     index: RecordingIndex | None = None,
+    held_out: HeldOutRule = NOTHING_HELD_OUT,
 ) -> ScoredPool:
     """Reads and scores recordings.
 
@@ -147,16 +160,53 @@ def score_pool(
         advance: told how many tosses more are done.
         spool: takes the factors; they can be read until it is closed.
         index: what was read and scored before; takes what is read and scored now, recording by recording.
+        held_out: rejects tosses after they were scored, so that another rule scores nothing again; bounds are without them.
+
+    Raises:
+        InvalidValueError: the rule holds out none of the tosses.
     """
     if not config.bound_influence:
         scored = _scored_by(engine, sources, config, config.fixed_bounds, advance, spool, index)
-        return ScoredPool(scored, config.fixed_bounds)
+        found = _held_out(held_out, [one.reading for one in scored], sources, config, engine, index)
+        return ScoredPool(tuple(one.without(found.reasons) for one in scored), config.fixed_bounds, found.warnings)
     with TemporaryDirectory(prefix="contact-curation-") as folder:
         index = index or RecordingIndex(Path(folder)).made()  # so that nothing is read twice
         work = partial(_losses_of, config, engine.jobs, index)
         read = dict(engine.as_done(work, sources, advance))
-        bounds = _bounds([_whole(read[place], source, _Losses) for place, source in enumerate(sources)], len(config.thetas))
-        return ScoredPool(_scored_by(engine, sources, config, bounds, advance, spool, index), bounds)
+        waiting = [_whole(read[place], source, _Losses) for place, source in enumerate(sources)]
+        found = _held_out(held_out, [one.reading for one in waiting], sources, config, engine, index)
+        bounds = _bounds(waiting, found.reasons, len(config.thetas))
+        scored = _scored_by(engine, sources, config, bounds, advance, spool, index)
+        return ScoredPool(tuple(one.without(found.reasons) for one in scored), bounds, found.warnings)
+
+
+def _held_out(
+    rule: HeldOutRule,
+    readings: Sequence[Reading],
+    sources: Sequence[Source],
+    config: PoolConfig,
+    engine: Engine,
+    index: RecordingIndex | None,
+) -> HeldOutTosses:
+    """The held-out tosses; recordings with possible duplicates of them are read once more, from the index if it has them."""
+
+    def motions(places: Mapping[str, int]) -> dict[str, Toss]:
+        wanted = sorted(set(places.values()))
+        work = partial(_tosses_of, config.reading, index, frozenset(places))
+        found: dict[str, Toss] = {}
+        for number, result in engine.as_done(work, [sources[place] for place in wanted], unheard):
+            if isinstance(result, Broken):
+                raise ContactCurationError(f"{sources[wanted[number]]}: not compared with the held-out tosses: {result.why}")
+            found |= {toss_id: toss for toss_id, toss in result.items() if places[toss_id] == wanted[number]}
+        return found
+
+    return held_out_tosses(readings, rule, motions)
+
+
+def _tosses_of(
+    config: ReadingConfig, index: RecordingIndex | None, ids: frozenset[str], source: Source, advance: Advance
+) -> dict[str, Toss]:
+    return {toss.toss_id: toss for toss in _opened(source, config, index).tosses() if toss.toss_id in ids}
 
 
 def _scored_by(
@@ -251,12 +301,16 @@ def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, 
     return {toss.toss_id: scores for toss, scores in zip(tosses, zip(*by_theta, strict=True), strict=True)}
 
 
-def _bounds(waiting: Sequence[_Losses], thetas: int) -> tuple[float, ...]:
+def _bounds(waiting: Sequence[_Losses], held_out: Collection[str], thetas: int) -> tuple[float, ...]:
     """The bounds on losses, one per theta, that a pool's own losses suggest; inf where there are none."""
     once = EachOnce()
     for one in waiting:
         once.add(one.reading)
-    taken = [(waiting[each.recording], toss_id) for toss_id, each in once.taken.items() if not each.seen.reasons]
+    taken = [
+        (waiting[each.recording], toss_id)
+        for toss_id, each in once.taken.items()
+        if not (each.seen.reasons or toss_id in held_out)
+    ]
     known = [one.losses[toss_id] for one, toss_id in taken]
     together = [np.concatenate([np.zeros(0), *(losses[k] for losses in known)]) for k in range(thetas)]
     return tuple(float(np.quantile(losses, BOUND_QUANTILE)) if losses.size else np.inf for losses in together)

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.evaluation.held_out import NumberedToss, toss_number
+from contact_curation.learning.evaluation.held_out import NumberedToss
 from contact_curation.motion.toss import Rejected, Toss
-from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
+from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig, numbered
 from contact_curation.pipeline.wording import counted_tosses, in_brackets, listed, nothing_found
 from contact_curation.pipeline.workers import Advance, each, unheard
 from contact_curation.storage.addresses import Address, matching
@@ -36,12 +36,10 @@ class Taken(NamedTuple):
 
     Attributes:
         recording: its place among the recordings, from 0.
-        place: its place among the motions of its recording, from 0.
         seen: what is known of it.
     """
 
     recording: int
-    place: int
     seen: SeenToss
 
 
@@ -69,10 +67,10 @@ class EachOnce:
     def add(self, reading: Reading) -> tuple[str, ...]:
         """Takes note of a recording; returns the lines that `left_out` grew by."""
         before = len(self.left_out)
-        for place, seen in enumerate(reading.seen):
+        for seen in reading.seen:
             if self.takes(seen.toss_id, seen.digest, reading.path, whole=not seen.reasons):
                 self.taken.pop(seen.toss_id, None)
-                self.taken[seen.toss_id] = Taken(self._recordings, place, seen)
+                self.taken[seen.toss_id] = Taken(self._recordings, seen)
         self._recordings += 1
         return tuple(self.left_out[before:])
 
@@ -136,7 +134,7 @@ class Tosses:
         if len(set(ids)) < len(ids):
             raise InvalidValueError("tosses", f"{next(i for i in ids if ids.count(i) > 1)} twice", "each once")
         once = EachOnce()
-        reading = Reading("", "", tuple(seen_toss(toss) for toss in tosses))
+        reading = Reading("", "", numbered(seen_toss(toss) for toss in tosses))
         once.add(reading)
         return Tosses(tuple(tosses), (), ReadingConfig(body), (reading,), taken=once.taken)
 
@@ -168,7 +166,7 @@ class Tosses:
     @property
     def numbered(self) -> list[NumberedToss]:
         """The accepted tosses with their numbers, in the order of their ids."""
-        return [NumberedToss(toss, _number(toss, self.taken[toss_id])) for toss_id, toss in sorted(self.by_id.items())]
+        return [NumberedToss(toss, self.taken[toss_id].seen.number) for toss_id, toss in sorted(self.by_id.items())]
 
     @property
     def in_order_of_ids(self) -> tuple[Toss, ...]:
@@ -189,19 +187,6 @@ class Tosses:
             replace(reading, seen=tuple(seen for seen in reading.seen if seen.toss_id in wanted)) for reading in self.readings
         )
         return replace(self, accepted=tuple(self.by_id[toss_id] for toss_id in ids), rejected=(), readings=readings)
-
-    def without(self, reasons: Mapping[str, str]) -> "Tosses":
-        """The same, but tosses that have a reason are rejected for it.
-
-        Args:
-            reasons: by id.
-        """
-        if not reasons:
-            return self
-        rejected = tuple(Rejected(toss, (reasons[toss.toss_id],)) for toss in self.accepted if toss.toss_id in reasons)
-        readings = tuple(replace(one, seen=tuple(_without(seen, reasons) for seen in one.seen)) for one in self.readings)
-        accepted = tuple(toss for toss in self.accepted if toss.toss_id not in reasons)
-        return replace(self, accepted=accepted, rejected=(*self.rejected, *rejected), readings=readings)
 
     def recordings(self) -> tuple[Recording, ...]:
         """The accepted tosses by the recordings that they count in."""
@@ -294,12 +279,3 @@ def _read(
             found[toss_id] = outcome
         advance(0 if rejected else 1)
     return found, reader.reading()
-
-
-def _without(seen: SeenToss, reasons: Mapping[str, str]) -> SeenToss:
-    return seen if seen.reasons or seen.toss_id not in reasons else replace(seen, reasons=(reasons[seen.toss_id],))
-
-
-def _number(toss: Toss, taken: Taken) -> int:
-    said = taken.seen.origin.number
-    return toss_number(toss, taken.place) if said is None else said

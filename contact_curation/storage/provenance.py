@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+from contact_curation.learning.evaluation.held_out import Outline, outline_of, toss_number
 from contact_curation.motion.toss import Toss
 
 
@@ -36,6 +37,8 @@ class SeenToss:
         first_stamp_ns: stamp of its first frame [ns].
         last_stamp_ns: stamp of its last frame [ns].
         origin: its recording.
+        number: by which it can be held out; -1 for a live toss, and for a toss of a recording until its place is known.
+        outline: of its motion (`learning.evaluation.held_out`); empty for a live toss.
     """
 
     toss_id: str
@@ -46,13 +49,18 @@ class SeenToss:
     first_stamp_ns: int
     last_stamp_ns: int
     origin: TossProvenance
+    number: int = -1
+    outline: Outline = ()
 
 
 def seen_toss(toss: Toss, reasons: tuple[str, ...] = (), origin: TossProvenance | None = None) -> SeenToss:
     """Makes the summary of a toss."""
     first, last = int(toss.stamps_ns[0]), int(toss.stamps_ns[-1])
     where = origin or TossProvenance()
-    return SeenToss(toss.toss_id, toss.digest(), reasons, toss.frames, toss.duration, first, last, where)
+    number = toss_number(toss, -1) if where.number is None else where.number
+    return SeenToss(
+        toss.toss_id, toss.digest(), reasons, toss.frames, toss.duration, first, last, where, number, outline_of(toss)
+    )
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 import torch
 
+from contact_curation.pipeline.reading import InputReader
 from test.cli.commands import ASSUMES_THE_CUBE, Cli
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 
@@ -46,6 +47,45 @@ def test_held_out_tosses_and_their_duplicates_are_not_in_the_pool(cli: Cli, fold
     }  # fmt: skip
     assert not any(row["selected"] or row["trace"] for row in others.values())
     assert report["outcomes"] == {"selected": 2, "not selected": 0, "held out": 2, "duplicate of a held-out toss": 1}
+
+
+@pytest.mark.parametrize("bound", [(), ("--bound-influence",)])
+def test_an_index_holds_out_the_same_and_another_held_out_set_reads_nothing(
+    cli: Cli, folder: Path, monkeypatch: pytest.MonkeyPatch, bound: tuple[str, ...]
+) -> None:
+    opened: list[str] = []
+    outcomes = InputReader.outcomes
+
+    def heard(reader: Any) -> Any:
+        opened.append(reader._path.name)
+        return outcomes(reader)
+
+    monkeypatch.setattr(InputReader, "outcomes", heard)
+
+    inputs = (folder / "more", folder / "files")  # the duplicate comes before what is held out
+
+    def manifest(spec: str, *words: object) -> Any:
+        outcome = cli("rank", *inputs, "--held-out", spec, "--no-figure", "--json", "--no-gate", *bound, *words)
+        assert outcome.status == 0, outcome.err
+        return outcome.json
+
+    index = ("--index", folder / "index")
+    cold = manifest("2", *index)
+    assert opened == ["more", "files"]
+    assert cold["rejected"] == [
+        {"input": str(folder / "more"), "reasons": {"duplicate of a held-out toss": 1}},
+        {"input": str(folder / "files"), "reasons": {"held out": 1}},
+    ]
+    opened.clear()
+    assert [manifest(spec, *index) for spec in ("2", "7", "0,3")] == [cold, manifest("7"), manifest("0,3")]
+    assert len(opened) == 2 * 2 + (0 if bound else 2)  # those without an index, and both again for a possible duplicate
+
+
+def test_recordings_that_lost_half_of_their_tosses_are_named_with_an_index_as_without(cli: Cli, folder: Path) -> None:
+    words = ("rank", folder / "more", folder / "files", "--held-out", "2-3", "--no-figure", "--no-gate")
+    said = [cli(*words, *index).out for index in ((), *[("--index", folder / "index")] * 2)]
+    assert f"rejected of {folder / 'files'}: 2 of 4 (2 held out)" in said[0].splitlines()
+    assert said[1:] == [said[0]] * 2
 
 
 def test_a_toss_is_held_out_by_its_place_in_a_recording_and_kept_back_ones_count(cli: Cli, golden: Path) -> None:

@@ -52,6 +52,11 @@ def test_a_step_in_the_physical_form_stays_physical() -> None:
     assert is_physical(moved(tilted_cube(), step))
 
 
+@pytest.mark.parametrize("step", [-300.0, -8.0, 10.0, 40.0])
+def test_a_geometry_is_physical_whatever_its_friction(step: float) -> None:
+    assert is_physical(moved(tilted_cube(), step * (np.arange(52) == FRICTION)))
+
+
 def test_the_contactnets_chart_leaves_out_the_height_and_the_gauge_and_changes_nothing_else() -> None:
     form = parameter_form(noisy_geometry(1), Form.CONTACTNETS)
     steps = np.random.default_rng(0).standard_normal((5, 57))

@@ -44,7 +44,7 @@ def test_the_square_turns_in_its_plane(tmp_path: Path, monkeypatch: pytest.Monke
     states = states_of(tosses[0], 1.0)
     np.testing.assert_allclose(states[:, 7], 1.5, atol=1e-9)
     np.testing.assert_allclose(states[:, [1, 8, 10, 12]], 0.0, atol=1e-9)
-    np.testing.assert_allclose(states[:, 11], 2.0, atol=1e-9)
+    np.testing.assert_allclose(states[:, 11], -2.0, atol=1e-9)  # theta grows from x towards z
     assert body.vertices.shape == (8, 3)
 
 

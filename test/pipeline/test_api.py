@@ -200,6 +200,16 @@ def test_held_out_tosses_are_neither_ranked_from_memory_nor_from_recordings(gold
     assert rankings[0].ids == rankings[1].ids
 
 
+def test_an_index_gives_the_same_ranking_of_recordings_and_is_refused_for_tosses(
+    golden_bag: Path, tosses: cc.Tosses, body: cc.Body, tmp_path: Path
+) -> None:
+    plain, *indexed = (cc.rank(golden_bag, body=body, held_out="0-3", index=index) for index in (None, *[tmp_path / "i"] * 2))
+    assert len(list(tmp_path.glob("i/scores/*"))) == 1
+    assert [one.manifest for one in indexed] == [plain.manifest] * 2
+    with pytest.raises(ContactCurationError, match=r"index: found .*, expected none for tosses that were read"):
+        cc.rank(tosses, index=tmp_path / "i")
+
+
 def test_a_training_is_that_of_the_command(
     cli: Cli, golden_bag: Path, ranking: cc.RankedTosses, model: cc.LearnedModel, tmp_path: Path
 ) -> None:

@@ -51,12 +51,12 @@ ENGINES = ("local", "ray")
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Scores all tosses that pass the quality checks and are not held out, ranks them, and prints the ranking with its "
+        "Scores all tosses that pass the quality checks, ranks those that are not held out, and prints the ranking with its "
         "diagnostics. For an input that cannot be read a line is printed to standard error and the others are ranked; the "
         "exit status is 1 only if no input could be ranked."
     )
     add_reading_options(parser, STAGES)
-    add_held_out_option(parser.add_argument_group("what is neither scored nor ranked"), "default none")
+    add_held_out_option(parser.add_argument_group("what is not ranked"), "default none")
     _add_model_options(parser)
     add_fields(parser.add_argument_group("how they are ranked"), RankingConfig(), *RANKING, choices=CHOICES, told=TOLD)
     _add_engine_options(parser)

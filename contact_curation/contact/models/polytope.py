@@ -43,6 +43,9 @@ from contact_curation.solver.cone_problem import MAX_CONTACTS
 INITIAL_NOISE = 0.4
 """Standard deviation of the published initialisation, in half widths and as a share of the friction (method.md 1.1)."""
 
+FRICTIONS = (1e-9, 1e3)
+"""Least and largest friction that a step of a fit may lead to: beyond them nothing moves in another way."""
+
 RESTITUTION = "restitution"
 """Parameter and setting of a polytope that bounces."""
 
@@ -119,7 +122,10 @@ class PolytopeModel(ContactModel):
         return replace(geometry, noise=ImpulseNoise(*self.get_buffer("noise").tolist()), restitution=restitution)
 
     def limit(self) -> None:
-        """Leaves the restitution within 0 and 1."""
+        """Leaves the restitution within 0 and 1, and the friction within `FRICTIONS`."""
+        if self.form is not Form.CONTACTNETS:
+            with torch.no_grad():
+                self.log_friction.clamp_(*map(math.log, FRICTIONS))
         if self._restitution is not None:
             with torch.no_grad():
                 self._restitution.clamp_(0.0, 1.0)

@@ -11,9 +11,11 @@ from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.rows import Rows
 from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import ContactCurationError
 from contact_curation.experiments.bodies import BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row, motion_row
+from contact_curation.experiments.counterfactuals.table import NUMBERS
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors, transition_losses
@@ -82,12 +84,23 @@ class Laboratory:
         return np.ones(len(self.judging.dt)) if found is None else found
 
     def row(self, subset: Subset) -> Row:
-        """The refit's row.
+        """The refit's row; one whose fit or judgement fails says why, and has no outcomes.
 
         Outcomes: means over the judging tosses of position [% of width], rotation [deg], penetration and loss; vertices off
         the described body's and off those of the fit to all [mm RMS], friction, and how far it is off the fit to all's.
         """
-        began, chosen = process_time(), subset.places(len(self.bench.training))
+        chosen = subset.places(len(self.bench.training))
+        names = " ".join(self.pool.data.toss_ids[place] for place in chosen)
+        try:
+            return {**self._judged(chosen), "failed": "", "tosses": names}
+        except ContactCurationError as error:
+            none = dict.fromkeys(NUMBERS, np.nan) | dict.fromkeys(
+                ("evaluations", "converged", "fit_seconds", "judge_seconds"), 0.0
+            )
+            return {**none, "failed": str(error), "tosses": names}
+
+    def _judged(self, chosen: Indices) -> Row:
+        began = process_time()
         found = self.pool.refit(chosen)
         fitted = process_time()
         row = motion_row(predicted_motions(found.model, self.bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors)
@@ -108,7 +121,6 @@ class Laboratory:
             "converged": float(found.converged),
             "fit_seconds": round(fitted - began, 4),
             "judge_seconds": round(process_time() - fitted, 4),
-            "tosses": " ".join(self.pool.data.toss_ids[place] for place in chosen),
         }
 
     def held_out_loss(self, model: PolytopeModel) -> float:

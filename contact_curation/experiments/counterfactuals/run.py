@@ -56,13 +56,15 @@ def run_counterfactuals(arguments: Arguments) -> int:
         write_atomically(arguments.out / SCORES, csv_of(scores))
     if not rows:
         raise InvalidValueError("refits", "none", f"at least one ({failed[0] if failed else 'no body'})")
-    warn(failed)
+    without = [row for row in rows if row["failed"]]
+    warn(failed + [f"{row['body']}, {row['size']:.0f} tosses, draw {row['draw']:.0f}: {row['failed']}" for row in without])
     spent = sum(float(row["fit_seconds"]) + float(row["judge_seconds"]) for row in rows) / len(rows)
     report = {
         "experiment": "counterfactuals",
         "refits": len(rows),
         "run": run,
         "failed": len(failed),
+        "failed_refits": len(without),
         "processor_seconds_per_refit": round(spent, 3),
         "seconds": round(time.monotonic() - began, 1),
         "files": [str(arguments.out / name) for name in (TABLE, SCORES)],

@@ -36,6 +36,7 @@ SCHEMA = pa.schema(
         *(pa.field(name, pa.int32(), nullable=False, metadata={"description": text}) for name, text in WHOLE.items()),
         *(pa.field(name, pa.float32(), nullable=False, metadata={"description": text}) for name, text in NUMBERS.items()),
         pa.field("converged", pa.bool_(), nullable=False, metadata={"description": "whether the last descent converged"}),
+        pa.field("failed", pa.string(), nullable=False, metadata={"description": "why it has no outcomes; empty if it has"}),
         pa.field("tosses", pa.list_(pa.string()), nullable=False, metadata={"description": "ids of the subset"}),
     ]
 )

@@ -13,9 +13,10 @@ left out of the training, and not the other way round: so the held-out set stays
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
+from math import floor
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,10 @@ from contact_curation.motion.toss import Toss
 
 SAME_MOTION = 1e-6
 """Largest difference of duplicates, in m and in directions; the public ones differ by 1e-15, and all others by 0.1 or more."""
+
+
+type Outline = tuple[float, ...]
+"""The number of frames, and the means over the frames of what no heading changes. Duplicates have the same one, nearly."""
 
 
 class NumberedToss(NamedTuple):
@@ -71,11 +76,12 @@ class HeldOutRule:
 
     def holds_out(self, one: NumberedToss) -> bool:
         """Whether a toss is held out."""
-        toss_id = one.toss.toss_id
+        return self.names(one.toss.toss_id, one.number)
+
+    def names(self, toss_id: str, number: int) -> bool:
+        """Whether the toss of an id and a number is held out."""
         return (
-            any(first <= one.number <= last for first, last in self.spans)
-            or toss_id in self.ids
-            or _place_of(toss_id) < self.share
+            any(first <= number <= last for first, last in self.spans) or toss_id in self.ids or _place_of(toss_id) < self.share
         )
 
 
@@ -113,6 +119,34 @@ def split(tosses: Sequence[NumberedToss], rule: HeldOutRule, with_duplicates: bo
     duplicates = () if with_duplicates else tuple(_duplicates(training, held_out))
     left_out = {duplicate.left_out for duplicate in duplicates}
     return Split(tuple(toss for toss in training if toss.toss_id not in left_out), held_out, duplicates)
+
+
+def outline_of(toss: Toss) -> Outline:
+    """The outline of a toss's motion."""
+    q = toss.orientations_wxyz
+    (_, wx, wy, _), (_, xx, _, xz), (_, _, yy, yz), _ = (q.T @ q / toss.frames).tolist()  # the means of products
+    upwards = (2.0 * (xz - wy), 2.0 * (yz + wx), 1.0 - 2.0 * (xx + yy))  # in the body's frame
+    return float(toss.frames), float(toss.positions[:, 2].mean()), *upwards
+
+
+def possible_duplicates(training: Mapping[str, Outline], held_out: Mapping[str, Outline]) -> frozenset[str]:
+    """Ids of all tosses, of both sides, whose outlines are those of duplicates; only these tosses have to be compared.
+
+    Args:
+        training: outlines by id.
+        held_out: outlines by id.
+    """
+    largest = 2.0 * SAME_MOTION  # means differ by no more than frames, but for rounding
+    by_cell: defaultdict[tuple[float, int], list[str]] = defaultdict(list)
+    for toss_id, (frames, height, *_) in held_out.items():
+        by_cell[frames, floor(height / largest)].append(toss_id)
+    found = set[str]()
+    for toss_id, own in training.items():
+        frames, cell = own[0], floor(own[1] / largest)
+        near = [other for k in (cell - 1, cell, cell + 1) for other in by_cell.get((frames, k), ())]
+        alike = [other for other in near if all(abs(a - b) < largest for a, b in zip(own, held_out[other], strict=True))]
+        found.update(alike, [toss_id] if alike else ())
+    return frozenset(found)
 
 
 def _place_of(toss_id: str) -> float:

@@ -31,7 +31,8 @@ from contact_curation.learning.fits.polytope_sums import PolytopeSums, moved, po
 from contact_curation.motion.transitions import Transitions
 
 SUFFICIENT, SHORTER, SHORTEST = 1e-4, 0.3, 1e-6
-"""A step is accepted when the sum falls by this share of what its slope promises; else it is shortened, down to the last."""
+"""A step is accepted when the sum falls by this share of what its slope promises, and counts no fewer transitions; else it is
+shortened, down to the last."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,11 @@ class _Point(NamedTuple):
     objective: float
     score: Array
     losses: Array
+
+    @property
+    def solved(self) -> int:
+        """Number of transitions that the sum counts."""
+        return int(np.isfinite(self.losses).sum())
 
 
 class _Descent(NamedTuple):
@@ -194,7 +200,7 @@ def _descend(start: PolytopeModel, at: Callable[[PolytopeModel], _Point], invers
             return _Descent(here, evaluations, True)
         share, there = 1.0, at(moved(here.model, direction))
         evaluations += 1
-        while not there.objective <= here.objective - SUFFICIENT * 2.0 * share * promised:
+        while not (there.objective <= here.objective - SUFFICIENT * 2.0 * share * promised and there.solved >= here.solved):
             share *= SHORTER
             if share < SHORTEST:
                 return _Descent(here, evaluations, False)

@@ -138,6 +138,19 @@ class PoseTopics:
         if self._looks > LOOKS_FOR_THE_RIG or self._tf_static not in rig or self._rig_is_known():
             self._follow_topics([topic for topic in self.source.topics if topic not in rig])
 
+    def leave(self) -> None:
+        """Leaves the topics once all messages that have come are taken. `follow` subscribes again, and waits for no rig."""
+        for _, subscription in self._subscriptions.values():
+            for _ in range(self._depth):
+                with subscription.handle:
+                    waiting = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+                if waiting is None:
+                    break
+                subscription.callback(*waiting)
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+        self._looks = LOOKS_FOR_THE_RIG
+
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
         """The times of publication that are not in the future; those in the future are from before a clock was set back."""
         past, warning = published_before(newest, Clock(clock_type=ClockType.SYSTEM_TIME).now().nanoseconds)

@@ -31,6 +31,9 @@ Scores = tuple[TossInformation | NotScored, ...]
 
 TOSSES, SCORES = "tosses", "scores"
 
+LAYOUT = 2
+"""Of the shards; those of another one are not looked at."""
+
 
 @dataclass(frozen=True)
 class RecordingIndex:
@@ -151,8 +154,7 @@ def digest_of_tosses(path: Path, config: ReadingConfig) -> str:
         tag_map = Path(config.inputs.poses.tag_map).read_text() if config.inputs.poses.tag_map else ""
     except (OSError, UnreadableInputError):
         return ""
-    held_out = sorted(config.held_out.items())
-    return _digest(TOSSES, str(path), state, config.body.to_mapping(), config.inputs, tag_map, held_out)
+    return _digest(TOSSES, str(path), state, config.body.to_mapping(), config.inputs, tag_map)
 
 
 def digest_of_scores(path: Path, config: ReadingConfig, rules: object) -> str:
@@ -168,7 +170,7 @@ def digest_of_scores(path: Path, config: ReadingConfig, rules: object) -> str:
 
 
 def _digest(*parts: object) -> str:
-    return sha256(repr((__version__, *parts)).encode()).hexdigest()
+    return sha256(repr((__version__, LAYOUT, *parts)).encode()).hexdigest()
 
 
 def _files(path: Path) -> list[Path]:

@@ -13,7 +13,7 @@ from contact_curation.experiments.counterfactuals.table import NUMBERS, SCHEMA, 
 def row(draw: int) -> Row:
     numbers = {name: 0.5 * place + draw for place, name in enumerate(NUMBERS)}
     whole = dict.fromkeys(WHOLE, 7.0) | {"draw": float(draw)}
-    return {"body": "cube", **whole, **numbers, "converged": 1.0, "tosses": "toss-3 toss-5"}
+    return {"body": "cube", **whole, **numbers, "converged": 1.0, "failed": "", "tosses": "toss-3 toss-5"}
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:

@@ -9,7 +9,16 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
-from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, split, toss_number
+from contact_curation.learning.evaluation.held_out import (
+    SAME_MOTION,
+    Duplicate,
+    HeldOutRule,
+    NumberedToss,
+    outline_of,
+    possible_duplicates,
+    split,
+    toss_number,
+)
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.datasets.tagslam_bag import import_contactnets
 from contact_curation.storage.inputs.inputs import open_inputs
@@ -97,6 +106,18 @@ def test_duplicates_on_one_side_stay_there(tosses: tuple[Toss, ...]) -> None:
 def test_a_motion_that_differs_by_a_hundredth_of_a_millimetre_is_another_one(tosses: tuple[Toss, ...]) -> None:
     other = replace(tosses[0], toss_id="other", positions=tosses[0].positions + np.array([0.0, 0.0, 1e-5]))
     assert split(numbered((*tosses, other)), HeldOutRule(spans=((0, 0),))).duplicates == ()
+
+
+def test_outlines_are_alike_for_duplicates_and_for_hardly_anything_else(tosses: tuple[Toss, ...]) -> None:
+    outlines = {toss.toss_id: outline_of(toss) for toss in tosses[1:]}
+    close = replace(tosses[0], positions=tosses[0].positions + np.array([0.0, 0.0, 0.99 * SAME_MOTION]))
+    outlines |= {"turned": outline_of(turned(tosses[0], 1.1, "turned")), "close": outline_of(close)}
+    held_out = {tosses[0].toss_id: outline_of(tosses[0])}
+    upwards = quaternions.rotate(quaternions.conjugate(tosses[0].orientations_wxyz), np.array([0.0, 0.0, 1.0])).mean(axis=0)
+    assert outline_of(tosses[0]) == pytest.approx((tosses[0].frames, tosses[0].positions[:, 2].mean(), *upwards), abs=1e-12)
+    assert possible_duplicates(outlines, held_out) == {tosses[0].toss_id, "turned", "close"}
+    assert possible_duplicates({"far": (100.0, 0.1 + 1e-5, 0.0, 0.0, 1.0)}, {"near": (100.0, 0.1, 0.0, 0.0, 1.0)}) == set()
+    assert possible_duplicates(outlines, {}) == possible_duplicates({}, held_out) == set()
 
 
 @pytest.mark.parametrize("rule", [{"share": -0.1}, {"share": 1.0}, {"spans": ((5, 4),)}, {"spans": ((-1, 4),)}])

@@ -7,12 +7,12 @@ import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.impulse_noise import ImpulseNoise
-from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
+from contact_curation.contact.models.polytope import FRICTIONS, PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.fits.damped_descent import DescentLimits, descend
 from contact_curation.learning.fits.held_fit import HeldFitConfig
-from contact_curation.learning.fits.polytope_sums import physical_difference
+from contact_curation.learning.fits.polytope_sums import moved, physical_difference
 from contact_curation.learning.fits.refits import RefitConfig, RefitPool, subset
 from contact_curation.motion.transitions import transitions_of
 from test.simulated import RIG_NOISE, simulated_tosses
@@ -52,6 +52,24 @@ def test_the_hessian_is_the_slope_of_the_scores_and_near_gauss_newtons(pool: Ref
     ratios = (np.diagonal(hessian) / np.diagonal(whole))[:-3][known[:-3]]  # the prior holds the tilt
     assert ((ratios > 0.3) & (ratios < 3.0)).all()
     np.testing.assert_allclose(pool.hessian(2e-4), hessian, atol=0.05 * np.abs(hessian).max())
+
+
+@pytest.mark.parametrize(("step", "friction"), [(-1e4, FRICTIONS[0]), (1e4, FRICTIONS[1]), (15.0, FRICTIONS[1])])
+def test_no_step_leads_to_a_friction_without_a_model(pool: RefitPool, step: float, friction: float) -> None:
+    steps = np.zeros(pool.sums.scores.shape[1])
+    steps[-4], steps[-3:-1] = step, 0.1
+    there = moved(pool.model, steps)
+    assert np.linalg.norm(there.geometry().tangents[0]) == pytest.approx(friction)
+    assert np.isfinite(pool.refit(np.array([0, 1])).held.iterate(there).objective)
+
+
+def test_a_refit_from_a_friction_at_the_bottom_comes_back(pool: RefitPool) -> None:
+    steps = np.zeros(pool.sums.scores.shape[1])
+    steps[-4] = -30.0
+    chosen = np.array([0, 2, 3])
+    found = replace(pool, model=moved(pool.model, steps)).refit(chosen)
+    assert FRICTIONS[0] <= np.linalg.norm(found.model.geometry().tangents[0]) <= FRICTIONS[1]
+    assert found.objective == pytest.approx(pool.refit(chosen).objective, rel=1e-2)
 
 
 def test_a_subset_has_the_transitions_of_its_tosses(pool: RefitPool) -> None:

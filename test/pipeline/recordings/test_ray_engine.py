@@ -14,6 +14,8 @@ import pytest
 from contact_curation.errors import ContactCurationError
 from contact_curation.pipeline.workers import Advance, Broken, unheard
 from test.cli.commands import Cli
+from test.learning.evaluation.test_held_out import turned
+from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 from test.storage.inputs.test_inputs import mcap_file
 
 pytest.importorskip("ray")
@@ -76,6 +78,22 @@ def test_the_manifest_is_that_of_one_process(cluster: str, cli: Cli, tmp_path: P
         manifests[-1].pop("command")
     assert manifests[0] == manifests[1]
     assert len(list((tmp_path / "i" / "scores").iterdir())) == 3
+
+
+def test_held_out_tosses_and_their_duplicates_are_those_of_one_process(cluster: str, cli: Cli, tmp_path: Path) -> None:
+    for place, (numbers, heading) in enumerate((((0, 1), 0.0), ((2, 3), 0.0), ((7,), 1.1))):
+        (tmp_path / f"files{place}").mkdir()
+        for number in numbers:
+            one = turned(synthetic_toss(0.2 + 0.01 * (number % 5)), heading, str(number))
+            save_contactnets(tmp_path / f"files{place}", number, one)
+    inputs = [tmp_path / f"files{place}" for place in (2, 1, 0)]  # the duplicate of 2 comes before it
+    ray = ("--engine", "ray", "--address", cluster)
+    for spec in ("2", "7", "0,3"):
+        words = ("--held-out", spec, "--bound-influence", "--no-gate", "--no-figure", "--json")
+        found = [cli("rank", *inputs, *words, *engine) for engine in ((), ray, (*ray, "--index", tmp_path / "index"))]
+        assert [one.status for one in found] == [0, 0, 0], found[1].err
+        assert [one.json for one in found[1:]] == [found[0].json] * 2
+        assert ("duplicate of a held-out toss" in found[0].json["outcomes"]) == (spec != "0,3")
 
 
 ENDS_ITSELF = """
