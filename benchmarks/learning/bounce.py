@@ -86,14 +86,15 @@ def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:
     """One cell."""
     pool = tosses.training
     chosen = range(len(pool)) if size == ALL else np.random.default_rng([seed, size]).choice(len(pool), size, replace=False)
-    model = fitted(arm, [pool[place] for place in sorted(chosen)], tosses.body, seed, tosses.spread)
+    learned = [pool[place] for place in sorted(chosen)]
+    model = fitted(arm, learned, tosses.body, seed, tosses.spread)
     found = evaluate_model(model, tosses.held_out, EvaluationConfig(loss=ONE_THREAD))
     finite, geometry = found.errors.finite, model.geometry()
     noise = geometry.noise or ImpulseNoise(0.0)
     assert found.shape is not None
     row = {name: float(getattr(found.errors, name)[finite].mean()) for name in ("position", "rotation", "penetration")}
     row |= {"vertices": found.shape.vertex_rms_mm, "friction": found.shape.friction, "not_finite": int((~finite).sum())}
-    told = bounce_of(model, transitions_of([pool[place] for place in chosen], tosses.body.length_scale), ONE_THREAD)
+    told = bounce_of(model, transitions_of(learned, tosses.body.length_scale), ONE_THREAD)
     row |= {"told": told.restitution if told else 0.0, "told_interval": told.interval if told else 0.0}
     row |= {"restitution": geometry.restitution or 0.0, "growth": noise.growth, "power": noise.power}
     measured, ours = (rebounds(states, found.starts, tosses.body) for states in (found.measured, found.predicted))
@@ -103,8 +104,8 @@ def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:
 
 def print_table(rows: Sequence[Row]) -> None:
     """Medians over seeds."""
-    shown = ("position", "rotation", "vertices", "friction", "restitution", "told", "told_interval")
-    shown += ("rebound", "predicted_rebound")
+    fitted_numbers = ("vertices", "friction", "restitution", "told", "told_interval")
+    shown = ("position", "rotation", *fitted_numbers, "rebound", "predicted_rebound")
     print(f"{'arm':16}{'size':>5}{'seeds':>6}" + "".join(f"{name:>18}" for name in shown))
     for arm, size in dict.fromkeys((row["arm"], row["size"]) for row in rows):
         own = [row for row in rows if (row["arm"], row["size"]) == (arm, size)]

@@ -3,8 +3,8 @@
 The exact fit goes on from the model's optimum with a restitution as one more parameter, over the same tosses with impacts
 merged (information/impacts.py), and learns the noise of impacts once more. That takes about ten steps, because it begins near
 its end. The restitution begins at 0, so that it rises only where tosses pull it. It rather ends too low than too high: begun at
-0.2, it ended at 0.13 +- 0.11 for one of ten sets of tosses that do not bounce. A single Gauss-Newton step costs less, but its
-interval is several times as wide: the merged transitions are not at their optimum there.
+0.2, it ended at 0.13 +- 0.11 for one of eleven sets of 12 tosses that do not bounce. A single Gauss-Newton step costs less, but
+its interval is several times as wide: the merged transitions are not at their optimum there.
 
 The interval is how far tosses disagree (the first term of two_way.py), since the question is whether other tosses of this kind
 would ask for a restitution, too. It does not contain that slow and fast impacts may ask for different ones; the interval that
