@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -59,13 +59,13 @@ def main() -> int:
     arguments = parser.parse_args()
     with TemporaryDirectory(prefix="contact-curation-bench-") as folder:
         bags = [later(GOLDEN, Path(folder) / f"{number:04d}.mcap", number * SHIFT_NS) for number in range(arguments.bags)]
-        rows = measured(bags, arguments.engines)
-    if arguments.json:
-        print(json.dumps({"measurements": [asdict(row) for row in rows]}, indent=2))
-    else:
-        print(f"{os.cpu_count()} processors\n\nbags  tosses  seconds  ratio  MB   what")
-        for row in rows:
-            print(f"{row.bags:4d}  {row.tosses:6d}  {row.seconds:7.1f}  {row.ratio:5.2f}  {row.megabytes:3.0f}  {row.what}")
+        if arguments.json:
+            print(json.dumps({"measurements": [asdict(row) for row in measured(bags, arguments.engines)]}, indent=2))
+            return 0
+        print(f"{os.cpu_count()} processors\n\nbags  tosses  seconds  ratio  MB   what", flush=True)
+        for row in measured(bags, arguments.engines):
+            numbers = f"{row.bags:4d}  {row.tosses:6d}  {row.seconds:7.1f}  {row.ratio:5.2f}  {row.megabytes:3.0f}"
+            print(f"{numbers}  {row.what}", flush=True)
     return 0
 
 
@@ -85,7 +85,7 @@ def later(source: Path, bag: Path, shift_ns: int) -> Path:
     return bag
 
 
-def measured(bags: Sequence[Path], engines: Sequence[str]) -> list[Measurement]:
+def measured(bags: Sequence[Path], engines: Sequence[str]) -> Iterator[Measurement]:
     """Each engine without and with an index, then with all of the index there, and with all but a tenth of the bags."""
     index = bags[0].with_name("index")
     fewer = bags[: len(bags) - max(1, len(bags) // 10)]
@@ -97,17 +97,15 @@ def measured(bags: Sequence[Path], engines: Sequence[str]) -> list[Measurement]:
         ("local, full index", bags, [*local, "--index", str(index)]),
         ("local, full index, other parameters", bags, [*local, "--index", str(index), "--estimator", "empirical"]),
     ]
-    rows: list[Measurement] = []
-    whole: Any = None
+    base, whole = 0.0, None
     for what, inputs, options in cases:
         seconds, megabytes, manifest = ranked(inputs, options)
-        base = rows[0].seconds if rows else seconds
-        rows.append(Measurement(what, len(inputs), len(manifest["tosses"]), seconds, seconds / base, megabytes))
+        base = base or seconds
+        yield Measurement(what, len(inputs), len(manifest["tosses"]), seconds, seconds / base, megabytes)
         if len(inputs) == len(bags) and "empirical" not in options:
             whole = whole or manifest
             if manifest != whole:
                 raise SystemExit(f"{what}: another manifest than that of {cases[0][0]}")
-    return rows
 
 
 def ranked(bags: Sequence[Path], options: Sequence[str]) -> tuple[float, float, Any]:

@@ -36,6 +36,9 @@ MOST_LISTED = 8
 
 MOST_PARENTS = 16
 """Frames that the body is measured in, one after the other or in turn, as by several cameras; the last ones count."""
+MOST_UNPLACED = 200_000
+"""Poses of a recording that wait for the board: 20 minutes at 148 Hz, and some 100 MB."""
+
 SHORT_HISTORY = 256
 """Poses that a frame remembers that is not needed so far: it may turn out to stand between the body and the board."""
 
@@ -53,6 +56,7 @@ class TrackerConfig:
         largest_speed: a pose further from the last one than this is a jump, no motion, and is left out [m/s].
         largest_spin: likewise for turns [rad/s].
         center_of_mass: the body's, in that frame [m]; poses come out with their origin there.
+        recorded: poses of a recording wait for the board's first pose however late it was logged, as /tf_static may be.
     """
 
     body_frame: str
@@ -63,6 +67,7 @@ class TrackerConfig:
     largest_speed: float = inf
     largest_spin: float = inf
     center_of_mass: Vector = (0.0, 0.0, 0.0)
+    recorded: bool = False
 
     def __post_init__(self) -> None:
         if not self.body_frame or self.body_frame == self.board_frame:
@@ -264,11 +269,20 @@ class BodyTracker:
             if isinstance(found, ScalarPose):
                 events.append(self._without_jump(BodyPose(measured.stamp_ns, found)))
                 self._waiting.popleft()
+            elif self._board_may_come:
+                break
             elif self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS:
                 events += self._give_up(1, f"none within {self.config.largest_wait:g} s")
             else:
                 break
         return events
+
+    @property
+    def _board_may_come(self) -> bool:
+        """Whether nothing leads to the board so far, and a later part of the recording may."""
+        if not self.config.recorded or len(self._waiting) > MOST_UNPLACED:
+            return False
+        return all(self._way(parent, self._moving) is None for parent in self._parents)
 
     def _without_jump(self, found: BodyPose) -> TrackerEvent:
         """The pose, if the body can have come there from where it was last."""

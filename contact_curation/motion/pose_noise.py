@@ -174,20 +174,23 @@ def _scatter(rows: list[Row]) -> tuple[float, float] | None:
     stamps, poses = np.array([row[0] for row in rows]), np.array([row[1:] for row in rows])
     poses[1:, 3:] *= np.cumprod(np.where((poses[1:, 3:] * poses[:-1, 3:]).sum(axis=1) < 0.0, -1.0, 1.0))[:, np.newaxis]
     times = 1e-9 * (stamps - stamps[0])
-    steps = np.lib.stride_tricks.sliding_window_view(np.diff(times), ORDER)  # (T - 6, 6)
-    longest = steps.max(axis=1)
+    between = times[1:] - times[:-1]
+    steps = np.stack([between[k : k + len(times) - ORDER] for k in range(ORDER)])  # (6, T - 6)
+    longest = steps.max(axis=0)
     bent = poses
     for order in range(1, ORDER + 1):
-        bent = np.diff(bent, axis=0) / (times[order:] - times[:-order])[:, np.newaxis]
-    bent = bent * (factorial(ORDER) * steps.mean(axis=1) ** ORDER)[:, np.newaxis]  # (T - 6, 7)
-    bent = bent[(longest <= SLOWEST) & (longest <= EVEN * steps.min(axis=1)) & np.any(bent[:, :3] != 0.0, axis=1)]
+        bent = (bent[1:] - bent[:-1]) / (times[order:] - times[:-order])[:, np.newaxis]
+    bent = bent * (factorial(ORDER) * steps.mean(axis=0) ** ORDER)[:, np.newaxis]  # (T - 6, 7)
+    bent = bent[(longest <= SLOWEST) & (longest <= EVEN * steps.min(axis=0)) & np.any(bent[:, :3] != 0.0, axis=1)]
     if len(bent) < FEWEST:
         return None
     return _deviation(bent[:, :3]), 2.0 * _deviation(bent[:, 3:])
 
 
 def _deviation(bent: Array) -> float:
-    return float(np.median(np.linalg.norm(bent, axis=1))) / (MEDIAN_LENGTH * sqrt(comb(2 * ORDER, ORDER)))
+    squares = np.sort((bent * bent).sum(axis=1))
+    middle = np.sqrt(squares[(len(squares) - 1) // 2 : len(squares) // 2 + 1])
+    return float(middle.mean()) / (MEDIAN_LENGTH * sqrt(comb(2 * ORDER, ORDER)))
 
 
 def _scale_for(position: float, turn: float) -> TrackerScale:

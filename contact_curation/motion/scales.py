@@ -11,7 +11,7 @@ noise of its rig (`pose_noise.RIG_NOISE`, `RIG_TURN`; method.md 2.1).
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import sqrt
 from typing import Protocol
 
@@ -36,6 +36,7 @@ class TossedBody(Protocol):
     def friction(self) -> float: ...
     @property
     def gravity(self) -> float: ...
+    def __hash__(self) -> int: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +67,7 @@ class BodyScale:
         return sqrt(self.size / self.gravity)
 
 
+@lru_cache(maxsize=8)
 def scale_of(body: TossedBody) -> BodyScale:
     """The scales of a body."""
     vertices = body.polytope.vertices

@@ -75,8 +75,7 @@ def all_around(mask: NDArray[np.bool_], before: int, after: int) -> NDArray[np.b
     the median carries the rebound of an impact into the air.
     """
     padded = np.concatenate([np.ones(before, dtype=bool), mask, np.ones(after, dtype=bool)])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, before + 1 + after)
-    return np.asarray(windows.all(axis=1))
+    return np.asarray(np.logical_and.reduce([padded[k : k + len(mask)] for k in range(before + 1 + after)]))
 
 
 def clear_steps(heights: Array, travels: Array) -> NDArray[np.bool_]:

@@ -35,6 +35,7 @@ class ControllerClient:
         self._node, self._joints, self._began_ns, self._stage = node, joints, began_ns, stage
         self._name, self._number = node.resolve_topic_name(name), 0
         self._taken: Any = None
+        self._queued: Sent | None = None
         self._type = control("action").FollowJointTrajectory
         self._client = ActionClient(node, self._type, name)
 
@@ -51,7 +52,13 @@ class ControllerClient:
         The executor's thread sends: the answer to another thread could come before the client waits for it, and be lost.
         """
         self._number += 1
+        self._queued = sent
         self._node.executor.create_task(self._send, sent, self._number)
+
+    @property
+    def unsent(self) -> Sent | None:
+        """The newest trajectory while it waits for the executor's thread, for `send_at_end`."""
+        return self._queued
 
     def send_at_end(self, sent: Sent) -> None:
         """Sends a last trajectory when the node spins no more, and waits a moment until the controller has taken it."""
@@ -66,6 +73,8 @@ class ControllerClient:
         return self._client.send_goal_async(self._type.Goal(trajectory=trajectory))
 
     def _send(self, sent: Sent, number: int) -> None:
+        if self._queued is sent:
+            self._queued = None
         self._goal_sent(sent).add_done_callback(lambda done: self._answered(number, done.result()))
 
     def _answered(self, number: int, handle: Any) -> None:

@@ -1,9 +1,10 @@
 """Node `sim_arm`: a simulated arm that executes ExecuteThrow goals; publishes joint states and the body's true motion.
 
 A refused goal ends at once; its result names the limit and the nearest feasible throw. The arm begins disarmed. `~/arm` arms
-it; `~/stop` and a missing heartbeat disarm it until it is armed again. With the parameter `armed` it arms itself at the start,
-and again when its own heartbeat returns, but never after `~/stop`. The topic `throw_begun` names the throw to which the frames
-after its stamp belong, so that a simulated tracker can draw its noise by throw.
+it; `~/stop` and a missing heartbeat disarm it until it is armed again. With the parameter `armed` it arms itself at its first
+activation, and again when its own heartbeat returns, but never after `~/stop`. Deactivated, it stops as by `~/stop` and refuses
+goals and `~/arm`, while simulated time goes on. The topic `throw_begun` names the throw to which the frames after its stamp
+belong, so that a simulated tracker can draw its noise by throw.
 """
 
 import sys
@@ -27,7 +28,8 @@ from contact_curation.nodes.messages.headers import Stamped, time_message
 from contact_curation.nodes.messages.throw import commanded_throw_of, throw_message, throw_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
-from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.managed_node import ManagedNode
+from contact_curation.nodes.ros.node_main import run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
@@ -61,7 +63,7 @@ COUNTED = 0.1
 """Largest time between two checks of the heartbeat that counts [s]: a process without processor time moves nothing."""
 
 
-class SimArm(StageNode):
+class SimArm(ManagedNode):
     """Throws one body, one goal after the other."""
 
     def __init__(self) -> None:
@@ -74,7 +76,7 @@ class SimArm(StageNode):
         epoch = declare(self, "epoch", 0.0, "start time of the simulation [s]; 0: now", bounds=(0.0, 4e9))
         about_state = "file that stores the simulated time, so that it never goes back after a restart; empty: none"
         state = declare(self, "state", "", about_state)
-        about_armed = "arm at the start without a call of ~/arm, and again when the node's own heartbeat comes back"
+        about_armed = "arm at the first activation without a call of ~/arm, and again when the node's own heartbeat comes back"
         self._arms_itself = declare(self, "armed", False, about_armed)
         outside = declare(self, "external_heartbeat", False, "expect the heartbeat on topic ~/heartbeat (std_msgs/Empty)")
         self._beats_itself = not outside
@@ -92,6 +94,7 @@ class SimArm(StageNode):
         self._ended, self._wake, self._beaten = False, threading.Event(), threading.Event()
         self._since_breath = 0
         self._publish(Ticks(clock_hertz))
+        self.start()
         if outside:
             self.create_subscription(Empty, "~/heartbeat", lambda _: self._beat(), profile(1, reliable=True, latched=False))
         else:
@@ -101,6 +104,10 @@ class SimArm(StageNode):
         self._worker.do(self._work)
         self.add_on_set_parameters_callback(self._parameters_set)
         HealthReport(self, "arm", self._health, self._body.name)
+
+    def deactivated(self) -> None:
+        self._gate.stop("the node was deactivated")
+        self._wake.set()
 
     def close(self) -> None:
         self._ended = True
@@ -131,7 +138,7 @@ class SimArm(StageNode):
     def _admits(self, message: Any) -> str | None:
         now_ns = self.get_clock().now().nanoseconds
         throw = commanded_throw_of(message, self._board_frame, now_ns, self._oldest_goal)
-        return self._stage.admits(throw, self._awake.now())
+        return self.inactive or self._stage.admits(throw, self._awake.now())
 
     def _parameters_set(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
@@ -141,9 +148,9 @@ class SimArm(StageNode):
         return SetParametersResult(successful=True)
 
     def _beat(self) -> None:
-        """Records a heartbeat. If `armed` is set, arms at the first one, and with its own heartbeat after every failure."""
+        """Records a heartbeat. If `armed` is set, arms an active node at the first one, and by its own after every failure."""
         self._gate.heartbeat(self._awake.now())
-        if self._arms_itself and not self._gate.was_stopped:
+        if self._arms_itself and self.active and not self._gate.was_stopped:
             self._arms_itself = self._beats_itself
             self._gate.arm(self._awake.now())
         self._beaten.set()
@@ -155,6 +162,9 @@ class SimArm(StageNode):
         return response
 
     def _arm(self, _: Any, response: Any) -> Any:
+        if self.inactive:
+            response.success, response.message = False, self.inactive
+            return response
         number = self._gate.arm(self._awake.now())
         self._wake.set()
         response.success, response.message = True, f"armed (arming number {number})"
@@ -226,7 +236,8 @@ class SimArm(StageNode):
         phase = self._stage.phase.value
         time = f"{self._stage.time:.2f}"
         values = {"phase": phase, "armed": not reason, "thrown": self._server.made, "time": time, **self._warnings.counts}
-        return Health(f"disarmed: {reason}" if reason else phase, values, warning=bool(reason))
+        shown = self.inactive or (f"disarmed: {reason}" if reason else phase)
+        return Health(shown, values, warning=bool(reason))
 
 
 def main() -> int:

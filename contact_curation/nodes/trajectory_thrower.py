@@ -3,7 +3,8 @@
 It plans by the arm's description and publishes on `~/grip` how the body has to be held. Once the tracker sees it held so, it
 sends control_msgs/action/FollowJointTrajectory, opens the gripper by an action, a service or a topic, and returns the release
 as the tracker saw it. It begins disarmed: `~/arm` arms it, `~/stop` stops it until it is armed again, and so does every fault
-in the motion; `~/home` then brings the arm home. `~/check` says what is missing and moves nothing.
+in the motion; `~/home` then brings the arm home. `~/check` says what is missing and moves nothing. Deactivated, it stops as by
+`~/stop` and refuses goals, `~/arm` and `~/home`.
 """
 
 import sys
@@ -31,7 +32,8 @@ from contact_curation.nodes.messages.throw import commanded_throw_of
 from contact_curation.nodes.messages.trajectory import grip_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
-from contact_curation.nodes.ros.node_main import StageNode, run
+from contact_curation.nodes.ros.managed_node import ManagedNode
+from contact_curation.nodes.ros.node_main import run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
 from contact_curation.nodes.ros.qos import latched, profile
@@ -69,7 +71,7 @@ PHASES = {
 """Names of the phases in the feedback."""
 
 
-class TrajectoryThrower(StageNode):
+class TrajectoryThrower(ManagedNode):
     """Throws one body by one arm."""
 
     def __init__(self) -> None:
@@ -120,13 +122,19 @@ class TrajectoryThrower(StageNode):
         self._worker = Worker(self.fail)
         self._worker.do(self._work)
         HealthReport(self, "arm", self._health, self._body.name)
+        self.start()
+
+    def deactivated(self) -> None:
+        """Stops the arm, until it is active and armed again."""
+        self._gate.stop("the node was deactivated")
+        self._wake.set()
 
     def close(self) -> None:
         """Ends the thread, and stops the arm if it moves."""
         self._ended = True
         self._wake.set()
         self._worker.stop()
-        stop = self._stage.cancel("the node has ended").stop
+        stop = self._stage.cancel("the node has ended").stop or self._controller.unsent
         if stop is not None:
             self._controller.send_at_end(stop)
         self._server.close()
@@ -160,10 +168,12 @@ class TrajectoryThrower(StageNode):
     def _admits(self, message: Any) -> str | None:
         now_ns = self.get_clock().now().nanoseconds
         throw = commanded_throw_of(message, self._board_frame, now_ns, self._oldest_goal)
-        return self._controller.missing() or self._gripper.missing() or self._stage.admits(throw)
+        return self.inactive or self._controller.missing() or self._gripper.missing() or self._stage.admits(throw)
 
     def _arm(self, _: Any, response: Any) -> Any:
-        response.success, response.message = True, f"armed (arming number {self._gate.arm(self._now())})"
+        refusal = self.inactive
+        response.success = not refusal
+        response.message = refusal or f"armed (arming number {self._gate.arm(self._now())})"
         return response
 
     def _stop(self, _: Any, response: Any) -> Any:
@@ -173,14 +183,14 @@ class TrajectoryThrower(StageNode):
         return response
 
     def _home(self, _: Any, response: Any) -> Any:
-        refusal = self._controller.missing() or self._stage.admits_homeward()
+        refusal = self.inactive or self._controller.missing() or self._stage.admits_homeward()
         self._wake.set()
         response.success, response.message = not refusal, refusal or "on its way home"
         return response
 
     def _check(self, _: Any, response: Any) -> Any:
-        asked = (self._controller.missing(), self._gripper.missing(), *self._stage.signals.missing(), self._stage.busy)
-        lines = [line for line in asked if line]
+        clients = (self._controller.missing(), self._gripper.missing())
+        lines = [line for line in (self.inactive, *clients, *self._stage.signals.missing(), self._stage.busy) if line]
         armed = f"disarmed: {self._gate.reason}" if self._gate.reason else "armed"
         response.success, response.message = not lines, "\n".join(lines) or f"nothing is missing; {armed}"
         return response
@@ -283,7 +293,7 @@ class TrajectoryThrower(StageNode):
             "lag_ms": f"{1e3 * self._stage.lag:.1f}",
             "delay_ms": f"{1e3 * delay.mean:.1f}", "jitter_ms": f"{1e3 * delay.jitter:.1f}", **self._warnings.counts,
         }  # fmt: skip
-        shown = f"disarmed: {reason}" if reason else self._stage.phase
+        shown = self.inactive or (f"disarmed: {reason}" if reason else self._stage.phase)
         return Health(shown, values, warning=bool(reason), waiting_for=self._topics.waiting_for)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.storage.manifest.file import FORMATS, read_manifest
 from contact_curation.storage.parameters_file import is_checkpoint
 from contact_curation.storage.throws_file import read_throws_body
@@ -41,8 +41,8 @@ def carried_body(
     """
     found = [] if given is None else [given]
     found += [CarriedBody(_of_checkpoint(path), str(path)) for path in models if is_checkpoint(path)]
-    if manifest is not None and manifest.suffix in FORMATS and (told := read_manifest(manifest).run.body):
-        found.append(CarriedBody(Body.from_mapping(told), str(manifest)))
+    if manifest is not None and manifest.suffix in FORMATS and (body := _of_manifest(manifest)):
+        found.append(CarriedBody(body, str(manifest)))
     if throws is not None and (body := read_throws_body(throws)):
         found.append(CarriedBody(body, str(throws)))
     for other in found[1:]:
@@ -54,6 +54,14 @@ def carried_body(
                 f"the same body{remedy}",
             )
     return found[0] if found else None
+
+
+def _of_manifest(path: Path) -> Body | None:
+    told = read_manifest(path).run.body
+    try:
+        return Body.from_mapping(told) if told else None
+    except ContactCurationError as error:
+        raise UnreadableInputError(path, f"its body cannot be used: {error}") from error
 
 
 def _of_checkpoint(path: Path) -> Body:

@@ -7,7 +7,8 @@ losses are known.
 """
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import batched
@@ -279,9 +280,9 @@ def _score_input(
     scorers = config.scorers(bounds, jobs)
     reader = _opened(source, config.reading, index)
     scores: dict[str, Scores] = {}
-    for tosses in batched(reader.tosses(), BATCH):
-        scores.update(_scored(scorers, tosses))
-        advance(len(tosses))
+    for found in _while_read(reader.tosses(), partial(_scored, scorers)):
+        scores |= found
+        advance(len(found))
     return ScoredInput(reader.reading(), scores)
 
 
@@ -289,16 +290,33 @@ def _losses_of(config: PoolConfig, jobs: int, index: RecordingIndex | None, sour
     scorers = config.scorers(config.fixed_bounds, jobs)
     reader = _opened(source, config.reading, index)
     losses: dict[str, tuple[Array, ...]] = {}
-    for tosses in batched(reader.tosses(), BATCH):
-        by_toss = zip(*(scorer.losses(tosses) for scorer in scorers), strict=True)
-        losses |= dict(zip((toss.toss_id for toss in tosses), by_toss, strict=True))
-        advance(len(tosses))
+    for found in _while_read(reader.tosses(), partial(_losses_by_toss, scorers)):
+        losses |= found
+        advance(len(found))
     return _Losses(reader.reading(), losses)
+
+
+def _while_read[Result](tosses: Iterable[Toss], work: Callable[[Sequence[Toss]], Result]) -> Iterator[Result]:
+    """The results for batches of tosses, in their order; the next batch is read while the kernel works on the one before."""
+    with ThreadPoolExecutor(1) as thread:
+        before: Future[Result] | None = None
+        for batch in batched(tosses, BATCH):
+            following = thread.submit(work, batch)
+            if before is not None:
+                yield before.result()
+            before = following
+        if before is not None:
+            yield before.result()
 
 
 def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, Scores]:
     by_theta = [scorer.score(tosses) for scorer in scorers]
     return {toss.toss_id: scores for toss, scores in zip(tosses, zip(*by_theta, strict=True), strict=True)}
+
+
+def _losses_by_toss(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, tuple[Array, ...]]:
+    by_toss = zip(*(scorer.losses(tosses) for scorer in scorers), strict=True)
+    return dict(zip((toss.toss_id for toss in tosses), by_toss, strict=True))
 
 
 def _bounds(waiting: Sequence[_Losses], held_out: Collection[str], thetas: int) -> tuple[float, ...]:

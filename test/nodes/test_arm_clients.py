@@ -170,6 +170,7 @@ def test_a_trajectory_arrives_whole_and_only_the_end_of_the_newest_counts(cell: 
     assert times[0] == 0
     assert times[-1] == pytest.approx(1e9 * 19 / 1036)
     assert all(list(point.positions) == [1.5, 1.5] for point in message.points)
+    assert client.unsent is None
     follower.end(follower.handles[0], FollowJointTrajectory.Result.INVALID_GOAL, "replaced")
     follower.end(follower.handles[1], FollowJointTrajectory.Result.PATH_TOLERANCE_VIOLATED, "path tolerance violated")
     cell.until(lambda: cell.ended)
@@ -188,15 +189,21 @@ def test_the_arm_is_held_where_it_is_if_a_stop_is_rejected(cell: Cell) -> None:
     assert cell.ended == ["it rejected the trajectory"]
 
 
-def test_a_stop_is_taken_from_a_node_that_spins_no_more(cell: Cell) -> None:
+def test_a_stop_that_was_not_sent_any_more_is_taken_from_a_node_that_spins_no_more(
+    cell: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
     other = SingleThreadedExecutor()
     client, follower = ControllerClient(cell.node, "follow", JOINTS, 0, cell.stage), Follower(cell)
     cell.until(lambda: not client.missing())
+    with monkeypatch.context() as late:
+        late.setattr(cell.executor, "create_task", lambda *_: None)
+        client.send(sent(1.0))
     cell.end_spinning()
     other.add_node(cell.server)
     serving = threading.Thread(target=other.spin, daemon=True)
     serving.start()
-    client.send_at_end(sent(1.0))
+    assert client.unsent is not None
+    client.send_at_end(client.unsent)
     assert [handle.request.trajectory.header.stamp.sec for handle in follower.handles] == [1]
     other.shutdown()
     serving.join()

@@ -76,10 +76,10 @@ def test_a_transition_that_the_state_does_not_have_is_refused_and_changes_nothin
         assert (node.state, node.ended, node.failure) == ("active", 0, None)
 
 
-def test_shutdown_ends_the_work_and_the_process() -> None:
+def test_shutdown_ends_the_process() -> None:
     with working() as node:
         assert node.change("shutdown")
-        assert (node.state, node.ended, node.at_end, node.failure) == ("finalized", 1, True, None)
+        assert (node.state, node.ended, node.at_end, node.failure) == ("finalized", 0, True, None)
 
 
 def test_an_error_in_the_node_that_a_transition_meets_ends_the_process_and_is_not_dropped() -> None:

@@ -6,7 +6,6 @@ Everything but the work is there in every state: parameters, stores, services, d
 starts, so `configure` and `cleanup` change nothing but the state. `shutdown` ends the process with status 0.
 """
 
-from collections.abc import Callable
 from typing import Any
 
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
@@ -51,25 +50,20 @@ class ManagedNode(LifecycleNodeMixin, StageNode):
             self.trigger_activate()
 
     def deactivated(self) -> None:
-        """Ends the node's work; called when an active node is deactivated or shut down."""
+        """Ends the node's work; called when an active node is deactivated. At its end a node is closed instead."""
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """As rclpy asks for it: ends the work."""
-        return self._outcome(self.deactivated)
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """As rclpy asks for it: ends the work and the process."""
-        outcome = self._outcome(self.deactivated) if state.label == ACTIVE else TransitionCallbackReturn.SUCCESS
-        self.end()
-        return outcome
-
-    def _outcome(self, do: Callable[[], None]) -> TransitionCallbackReturn:
-        """Does what a transition asks for. rclpy would drop an exception, so it is passed on and ends the node."""
+        """As rclpy asks for it: ends the work. rclpy would drop an exception, so it is passed on and ends the node."""
         try:
-            do()
+            self.deactivated()
         except BaseException as error:  # noqa: BLE001  (passed on to the main thread, never ignored)
             self.fail(error)
             return TransitionCallbackReturn.ERROR
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """As rclpy asks for it: ends the process as a signal does."""
+        self.end()
         return TransitionCallbackReturn.SUCCESS
 
     def _checked(self, service: Any) -> None:

@@ -1,11 +1,13 @@
 """Reads the tosses of a bag: finds topics, turns messages into poses, and poses into tosses."""
 
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, takewhile
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import MissingTopicError, UnreadableInputError
@@ -45,6 +47,9 @@ OVERTAKEN_NS, MOST_WAITING = 100_000_000, 1024
 
 ROOM = 0.75
 """Shortest time between two stamps, relative to the shortest between others, at which both can be right."""
+
+STEPS, FEWEST_STEPS, EVENLY = 64, 16, 0.4
+"""Where the shortest step between the last stamps, once they are sorted, is a smaller share of the median, they jitter."""
 
 
 def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReading:
@@ -91,19 +96,44 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Ite
 
     A recorder logs messages when it receives them. What is in order already comes out as it was; stamps that go back by more
     than `OVERTAKEN_NS` are another run of a clock, and stay where they are, as do wrong stamps: they fit no hole in the others.
+    So do stamps that jitter, whose order is not that of the poses; `even_stamps` corrects them.
     """
     waiting: list[MeasuredMessage] = []
-    newest: dict[str, int] = {}
+    topics: defaultdict[str, _Stamps] = defaultdict(_Stamps)
     for one in messages:
-        if isinstance(one, MeasuredRun) and (settled := _settled(one, newest.get(one.topic))):
+        if isinstance(one, MeasuredRun) and (settled := _settled(one, topics[one.topic].newest_ns)):
             yield from waiting
             yield one.part(0, settled)
             waiting = one.part(settled, len(one.log_times_ns)).messages()
-            newest[one.topic] = int(one.measured.poses.stamps_ns[-1])
+            topics[one.topic].go_on(one.measured.poses.stamps_ns)
             continue
         for message in one.messages():
-            yield from _overtaking(message, waiting, newest)
+            yield from _overtaking(message, waiting, topics[message.topic])
     yield from waiting
+
+
+@dataclass(slots=True)
+class _Stamps:
+    """The stamps of a topic in the order in which they came.
+
+    Attributes:
+        newest_ns: up to which they are in order; None where there is none.
+        last: the last of them.
+    """
+
+    newest_ns: int | None = None
+    last: deque[int] = field(default_factory=lambda: deque(maxlen=STEPS + 1))
+
+    def go_on(self, stamps_ns: NDArray[np.int64]) -> None:
+        """Takes in stamps that do not go back."""
+        self.newest_ns = int(stamps_ns[-1])
+        self.last.extend(stamps_ns[-STEPS - 1 :].tolist())
+
+    @property
+    def jitter(self) -> bool:
+        """Whether steps differ so much that their order is not certain."""
+        steps = sorted(after - before for before, after in pairwise(sorted(self.last)) if after > before)
+        return len(steps) >= FEWEST_STEPS and steps[0] < EVENLY * steps[len(steps) // 2]
 
 
 def _settled(run: MeasuredRun, newest_ns: int | None) -> int:
@@ -113,7 +143,7 @@ def _settled(run: MeasuredRun, newest_ns: int | None) -> int:
     return 0 if goes_back else int(np.searchsorted(run.log_times_ns, late_ns))
 
 
-def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage], newest: dict[str, int]) -> Iterator[MeasuredMessage]:
+def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage], stamps: _Stamps) -> Iterator[MeasuredMessage]:
     """Puts a message among those that wait, where it belongs; yields those that nothing can overtake any more."""
     late_ns = message.log_time_ns - OVERTAKEN_NS
     while waiting and (waiting[0].log_time_ns < late_ns or len(waiting) >= MOST_WAITING):
@@ -122,11 +152,12 @@ def _overtaking(message: MeasuredMessage, waiting: list[MeasuredMessage], newest
     stamp_ns = _stamp_of(message)
     if stamp_ns is None:
         return
-    back_ns = newest.get(message.topic, stamp_ns) - stamp_ns
-    if 0 < back_ns <= OVERTAKEN_NS:
+    back_ns = 0 if stamps.newest_ns is None else stamps.newest_ns - stamp_ns
+    stamps.last.append(stamp_ns)
+    if not 0 < back_ns <= OVERTAKEN_NS:
+        stamps.newest_ns = stamp_ns
+    elif not stamps.jitter:
         _put_back(waiting, stamp_ns)
-    else:
-        newest[message.topic] = stamp_ns
 
 
 def _put_back(waiting: list[MeasuredMessage], stamp_ns: int) -> None:
@@ -172,7 +203,8 @@ class BagTosses:
         numbers: RecordedNumbers = UNNUMBERED,
         placed: Callable[[BodyPose], None] | None = None,
     ) -> None:
-        stages = IngestConfig(config.poses.tracker(body, source.board_frame), config.segmenter, config.gates, config.rig)
+        tracker = replace(config.poses.tracker(body, source.board_frame), recorded=True)
+        stages = IngestConfig(tracker, config.segmenter, config.gates, config.rig)
         self.origin = origin
         self.source = source
         self.settle_time = config.segmenter.bounds(scale_of(body), config.segmenter.tracker).settle_time

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -73,9 +74,10 @@ class PoseTopicConfig:
 
     def tracker(self, body: Body, board_frame: str) -> TrackerConfig:
         """The frames of a body and a board as the tracker wants them; it looks for jumps in poses from tags alone."""
-        limits = {"largest_speed": self.largest_speed, "largest_spin": self.largest_spin} if self.tag_map else {}
+        speed, spin = (self.largest_speed, self.largest_spin) if self.tag_map else (inf, inf)
         x, y, z = body.center_of_mass.tolist()
-        return TrackerConfig(self.body_frame_of(body.name), board_frame, center_of_mass=(x, y, z), **limits)
+        frame = self.body_frame_of(body.name)
+        return TrackerConfig(frame, board_frame, largest_speed=speed, largest_spin=spin, center_of_mass=(x, y, z))
 
     def detections(self, body: str) -> TagDetections | None:
         """A reader of detections, to be used for one recording or node; None where poses come as such.

@@ -17,6 +17,7 @@ from dataclasses import asdict, fields
 from hashlib import sha256
 from io import BytesIO, StringIO
 from pathlib import Path
+from types import NoneType
 from typing import Any, NamedTuple
 
 import pyarrow as pa
@@ -38,6 +39,21 @@ FIRST_SHIFT_NAMES = {"off": "distance", "by_chance": "at_random"}
 ROWS = "tosses"
 NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 """Numbers that JSON does not have, and the strings that stand for them."""
+ACCEPTED: dict[object, tuple[type, ...]] = {
+    str: (str,),
+    bool: (bool,),
+    int: (int,),
+    float: (float, int),
+    int | None: (int, NoneType),
+    float | None: (float, int, NoneType),
+    tuple[str, ...]: (list, tuple),
+}
+KINDS = {field.name: ACCEPTED[field.type] for field in fields(ManifestRow)}
+"""Types that a value of a row may have in a file, by the row's field."""
+
+LARGEST_BITS = 63
+"""Of a whole number."""
+
 FLOATS = {field.name for field in fields(ManifestRow) if field.type in (float, float | None)}
 
 
@@ -67,8 +83,18 @@ def from_json(data: bytes) -> Parsed:
 
 
 def row_of(values: Mapping[str, Any]) -> ManifestRow:
-    """Makes a row from its values by name; the names of version 1 are accepted, too."""
-    return ManifestRow(**{**_renamed(values, FIRST_NAMES), "reasons": tuple(values["reasons"])})
+    """Makes a row from its values by name; the names of version 1 are accepted, too.
+
+    Raises:
+        ValueError: a value has another type than its field.
+    """
+    named = _renamed(values, FIRST_NAMES)
+    for name, value in named.items():
+        if type(value) not in KINDS.get(name, (type(value),)) or (type(value) is int and value.bit_length() > LARGEST_BITS):
+            raise ValueError(f"{name}: found {repr(value)[:40]}, expected {' or '.join(kind.__name__ for kind in KINDS[name])}")
+    if not all(isinstance(reason, str) for reason in values["reasons"]):
+        raise ValueError(f"reasons: found {repr(values['reasons'])[:40]}, expected lines of text")
+    return ManifestRow(**{**named, "reasons": tuple(values["reasons"])})
 
 
 def _renamed(values: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
@@ -322,6 +348,8 @@ def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifes
     run = {field.name: head[field.name] for field in fields(RunProvenance) if field.name != "body"}
     inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
     run["body"] = head.get("body")  # older manifests have none
+    if type(run["body"]) not in (dict, NoneType):
+        raise ValueError(f"body: found {repr(run['body'])[:40]}, expected the values of a body by name")
     run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))
     diagnostics = _renamed(_with_numbers(head["diagnostics"]), FIRST_NAMES)
     if "optimum_shift" in diagnostics:

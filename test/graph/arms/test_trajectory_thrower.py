@@ -11,6 +11,7 @@ from contact_curation.design.throw import Throw
 from contact_curation.geometry.quaternions import IDENTITY
 from contact_curation.stages.records import GripperRecord, read_record
 from test.graph.parts.graph import Graph
+from test.graph.parts.lifecycle import changed
 from test.graph.parts.processes import NodeProcess
 from test.graph.parts.thrower import STILL, Thrower, speeds
 
@@ -104,4 +105,29 @@ def test_after_a_fault_in_the_motion_the_arm_stands_still_goes_home_when_armed_a
     thrower.until_still(100)
     away = np.abs(np.array(thrower.joints[-1].position) - thrower.joints[0].position)
     assert away.max() > 0.1  # it stopped on its way, and did not finish its trajectory
+    assert max(speeds(thrower.joints)) < FASTEST
+
+
+def test_a_node_that_is_deactivated_stops_the_arm_until_it_is_active_and_armed_and_so_does_one_that_is_shut_down(
+    graph: Graph, thrower: Thrower, node: NodeProcess
+) -> None:
+    thrower.trigger("arm")
+    goal = thrower.send(throw(0))
+    until_it_swings(graph, thrower)
+    assert changed(graph.listener, "/trajectory_thrower", "deactivate")
+    assert "the node was deactivated" in thrower.ended(goal).result.message
+    thrower.until_still(100)
+    assert "found it inactive, expected it active" in thrower.trigger("home")
+    assert changed(graph.listener, "/trajectory_thrower", "activate")
+    assert "the arm is disarmed (the node was deactivated)" in thrower.trigger("home")
+    thrower.trigger("arm")
+    assert thrower.trigger("home") == "on its way home"
+    graph.until(lambda: thrower.trigger("check") == "nothing is missing; armed", 90.0, "an arm at home")
+    thrower.send(throw(1))
+    until_it_swings(graph, thrower)
+    assert changed(graph.listener, "/trajectory_thrower", "shutdown")
+    assert node.wait(10.0) == 0
+    thrower.until_still(100)
+    away = np.abs(np.array(thrower.joints[-1].position) - thrower.joints[0].position)
+    assert away.max() > 0.1  # it stopped on its way
     assert max(speeds(thrower.joints)) < FASTEST

@@ -3,6 +3,7 @@
 import itertools
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,28 @@ def test_messages_that_were_logged_up_to_30_ms_out_of_order_cost_no_toss(tmp_pat
         item.digest() for item in expected if isinstance(item, Toss)
     ]
     assert summary.counts == sound.counts == {"poses": len(POSES), "tosses": 2}
+
+
+@pytest.mark.parametrize("places", [len(POSES) // 2, len(POSES)])
+def test_a_board_that_is_logged_late_costs_no_toss(tmp_path: Path, places: int) -> None:
+    board, *sent = tagslam()
+    late = board._replace(log_time_ns=sent[places - 1].log_time_ns)
+    items, _ = opened(write_ours(tmp_path / "late.mcap", [*sent[:places], late, *sent[places:]]))
+    assert kinds(items) == ["Toss", "Toss"]
+
+
+@pytest.mark.parametrize("size", [2e-3, 3e-3])
+def test_stamps_that_jitter_by_milliseconds_in_a_recording_cost_no_toss_and_exchange_no_poses(
+    tmp_path: Path, size: float
+) -> None:
+    by = np.random.default_rng(5).normal(0.0, 1e9 * size, len(POSES)).astype(np.int64)
+    late = in_map([replace(one, stamp_ns=one.stamp_ns + int(off)) for one, off in zip(POSES, by, strict=True)])
+    sent = [one._replace(log_time_ns=logged.log_time_ns) for one, logged in zip(recorded(BODY, ODOMETRY, late), tagslam()[1:])]
+    items, _ = opened(write_ours(tmp_path / "jitter.mcap", [tagslam()[0], *sent]))
+    assert [kind for kind in kinds(items) if kind != "Problem"] == ["Toss", "Toss"]
+    assert "header stamps jitter by" in lines(items)[0]
+    jittering = [MeasuredMessage(BODY, one.log_time_ns, (pose,)) for one, pose in zip(sent, late, strict=True)]
+    assert list(in_order_of_stamps(jittering)) == jittering
 
 
 def test_order_of_stamps_is_bounded_in_time_and_number() -> None:
