@@ -281,7 +281,7 @@ def test_the_correlations_of_scores_with_outcomes_are_those_of_the_stored_table(
                 row = found[body, size, outcome, score]
                 assert row["subsets"] == subsets
                 numbers = [float(row[name]) for name in ("spearman", "low", "high")]
-                said = [float(number) for number in re.findall(r"[+-][0-9.]+", cell)]
+                said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
                 assert said == pytest.approx(numbers, abs=0.0051), (body, score, outcome, size)
                 counted += 1
     assert counted == 12 * 4 * len({row["body"] for row in rows("datamodeling_scores")})
