@@ -240,6 +240,7 @@ def train(
     seed: int = 0,
     held_out: str | None = None,
     start: str | PathLike[str] | None = None,
+    restitution: bool = False,
     progress: Progress = silent,
 ) -> "LearnedModel":
     """Trains a model on tosses.
@@ -255,6 +256,8 @@ def train(
         seed: random seed of the initialisation and the order of batches.
         held_out: tosses that are not learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
         start: checkpoint to start from; None for the published random initialisation.
+        restitution: whether a polytope learns a restitution, too, by the exact protocol. If it does not and the tosses bounce,
+            `warnings` of the model say so.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
@@ -283,7 +286,7 @@ def train(
         TrainConfig(
             kind=model,
             body=found.body,
-            protocol=config if steps is None else replace(config, steps=steps),
+            protocol=replace(config, steps=config.steps if steps is None else steps, restitution=restitution),
             start=start_of(None if start is None else Path(start), model, found.body),
             seed=seed,
             rig=found.config.inputs.rig,
@@ -294,7 +297,9 @@ def train(
         while running.running:
             bar.advance(1, running.advance())
     running.check()
-    return replace(running.model(), warnings=found.warnings)
+    bounce = running.bounce()
+    bounces = (bounce.in_words("restitution=True"),) if bounce and bounce.missing else ()
+    return replace(running.model(), warnings=(*found.warnings, *bounces))
 
 
 @says_what_to_install
