@@ -17,9 +17,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.network.config import NetworkConfig
+from contact_curation.information.network.config import Device, NetworkConfig
 from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import TossInformation
@@ -58,6 +58,10 @@ class PoolConfig:
         bound_influence: whether the bound on losses is taken from the pool.
         network: how they are scored for a network.
         score_folder: takes the exact scores for networks; None to do without them.
+        device: where networks are evaluated.
+
+    Raises:
+        InvalidValueError: a device for a polytope.
     """
 
     reading: ReadingConfig
@@ -66,20 +70,25 @@ class PoolConfig:
     bound_influence: bool = False
     network: NetworkConfig = field(default_factory=NetworkConfig)
     score_folder: ScoreFolder | None = None
+    device: Device = field(default_factory=Device)
+
+    def __post_init__(self) -> None:
+        if not self.device.is_cpu and any(isinstance(theta, Parameters) for theta in self.thetas):
+            raise InvalidValueError("device", self.device.name, "cpu: the kernel scores polytopes, without PyTorch")
 
     def scorers(self, bounds: Sequence[float], jobs: int) -> tuple[TossScorer, ...]:
-        """One per theta, each with its own bound on losses; the processors are shared between `jobs` processes."""
+        """One per theta, each with its own bound on losses; `jobs` processes share the processors and the device."""
         loss = replace(self.scoring.loss, threads=max(1, (os.cpu_count() or 1) // jobs))
         configs = [replace(self.scoring, influence_bound=bound, loss=loss) for bound in bounds]
-        return tuple(self._scorer(theta, config) for theta, config in zip(self.thetas, configs, strict=True))
+        return tuple(self._scorer(theta, config, jobs) for theta, config in zip(self.thetas, configs, strict=True))
 
-    def _scorer(self, theta: Theta, config: ScoringConfig) -> TossScorer:
+    def _scorer(self, theta: Theta, config: ScoringConfig, jobs: int) -> TossScorer:
         if isinstance(theta, Parameters):
             return Scorer(theta.geometry, theta.body, config)
         import torch  # takes over a second to import
 
         torch.set_num_threads(1)  # on busy cores threads wait for each other many times as long as they work
-        return scorer_of_model(theta.model(), config, self.network, self.score_folder)
+        return scorer_of_model(theta.model(), config, self.network, self.score_folder, self.device, jobs)
 
     @property
     def form(self) -> str | None:
