@@ -218,6 +218,8 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
         )
         if any(one.type == DETECTIONS for one in topics):
             wanted += "; detections of tags are read with a tag map"
+        if not any(one.type in (*POSE_MESSAGES, TF) for one in topics):
+            wanted += f", of a type that is read: {', '.join((*POSE_MESSAGES, TF))}"
         raise MissingTopicError(where, wanted, listed)
     leads_to_board = bool(transforms) or board is not None
     board_frame = config.board_frame if leads_to_board else ""

@@ -272,7 +272,8 @@ def test_a_bad_input_is_one_line_and_the_others_go_on(tmp_path: Path, name: str,
 
 def test_a_bag_without_poses_lists_what_it_has(tmp_path: Path) -> None:
     bag = write_ours(tmp_path / "a.mcap", [Sent("/note", 5, note("hello"))])
-    expected = "one topic with poses of cube; name it (`topic`) if there are several"
+    kinds_read = ", ".join((ODOMETRY, POSE_WITH_COVARIANCE, POSE, POSE_ARRAY, TF))
+    expected = f"one topic with poses of cube; name it (`topic`) if there are several, of a type that is read: {kinds_read}"
     assert lines(opened(bag)[0]) == [f"{bag}: found /note (std_msgs/msg/String); expected {expected}"]
 
 

@@ -3,11 +3,14 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import MissingTopicError
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, TF
-from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
 from test.motion.streams import board_in_map, in_map, stream
 from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
 from test.storage.written_bags import Sent, write_ours
@@ -60,3 +63,9 @@ def test_a_topic_that_is_called_like_the_frame_of_the_board_is_the_bodys_where_i
 def test_frames_may_be_named_with_the_slash_of_ros_1() -> None:
     named = PoseTopicConfig(body_frame="/tool", board_frame="/table")
     assert named == PoseTopicConfig(body_frame="tool", board_frame="table")
+
+
+def test_where_no_type_carries_poses_those_that_do_are_listed() -> None:
+    vicon = [TypedTopic("/vicon/cube", "geometry_msgs/msg/TransformStamped")]
+    with pytest.raises(MissingTopicError, match=rf"TransformStamped\); expected .*of a type that is read: {ODOMETRY}, .*{TF}"):
+        find_pose_source("a.mcap", vicon, "cube", PoseTopicConfig())
