@@ -9,7 +9,8 @@ On the cube a random third of the tosses below 400 judges (CONTACTNETS_DATA), co
 fits begin at random shapes. With --planar FILE.npz the tosses are those of a square prism in a plane
 (benchmarks.data.lost_frames) that the quality checks accept with twice the real rig's noise; half of them learn and half judge,
 and fits begin at the shape as described, for a plane says nothing of places across it. Errors without a model stand above the
-table: a body that stays where it was released, and one that lies where it ends from the start.
+table: a body that stays where it was released, and one that lies where it ends from the start. Told is the restitution that
+`train` names where a rigid form is fitted without one.
 
     python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged]
         [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]
@@ -38,6 +39,7 @@ from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.without_model import plain_errors, rebounds
 from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.uncertainty.bounce import bounce_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
@@ -84,13 +86,16 @@ def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:
     """One cell."""
     pool = tosses.training
     chosen = range(len(pool)) if size == ALL else np.random.default_rng([seed, size]).choice(len(pool), size, replace=False)
-    model = fitted(arm, [pool[place] for place in sorted(chosen)], tosses.body, seed, tosses.spread)
+    learned = [pool[place] for place in sorted(chosen)]
+    model = fitted(arm, learned, tosses.body, seed, tosses.spread)
     found = evaluate_model(model, tosses.held_out, EvaluationConfig(loss=ONE_THREAD))
     finite, geometry = found.errors.finite, model.geometry()
     noise = geometry.noise or ImpulseNoise(0.0)
     assert found.shape is not None
     row = {name: float(getattr(found.errors, name)[finite].mean()) for name in ("position", "rotation", "penetration")}
     row |= {"vertices": found.shape.vertex_rms_mm, "friction": found.shape.friction, "not_finite": int((~finite).sum())}
+    told = bounce_of(model, transitions_of(learned, tosses.body.length_scale), ONE_THREAD)
+    row |= {"told": told.restitution if told else 0.0, "told_interval": told.interval if told else 0.0}
     row |= {"restitution": geometry.restitution or 0.0, "growth": noise.growth, "power": noise.power}
     measured, ours = (rebounds(states, found.starts, tosses.body) for states in (found.measured, found.predicted))
     plain = {f"{name}: {k}": v for name, each in plain_errors(found, tosses.body).items() for k, v in each._asdict().items()}
@@ -99,7 +104,8 @@ def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:
 
 def print_table(rows: Sequence[Row]) -> None:
     """Medians over seeds."""
-    shown = ("position", "rotation", "vertices", "friction", "restitution", "rebound", "predicted_rebound")
+    fitted_numbers = ("vertices", "friction", "restitution", "told", "told_interval")
+    shown = ("position", "rotation", *fitted_numbers, "rebound", "predicted_rebound")
     print(f"{'arm':16}{'size':>5}{'seeds':>6}" + "".join(f"{name:>18}" for name in shown))
     for arm, size in dict.fromkeys((row["arm"], row["size"]) for row in rows):
         own = [row for row in rows if (row["arm"], row["size"]) == (arm, size)]

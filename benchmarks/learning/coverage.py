@@ -36,6 +36,7 @@ from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.uncertainty.bounce import bounce_of
 from contact_curation.learning.uncertainty.parameters import KnownConfig, known
 from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.smoothing import kinematics
@@ -151,6 +152,8 @@ def row_of(model: PolytopeModel, data: Transitions, others: Transitions) -> Row:
     row |= {"vertex_interval_mm": float(np.median([one.interval for one in vertices]))}
     row |= {"vertices_held": float(np.mean(errors < [one.interval for one in vertices]))}
     row |= {"vertices_held_by_sandwich": float(np.mean(errors < [NORMAL * one.sandwich for one in vertices]))}
+    told = bounce_of(model, data, ONE_THREAD)
+    row |= {"bounce_told": bool(told and told.missing)}
     bounce = by_name.get("restitution")
     return row | {"restitution": bounce.value if bounce else 0.0, "restitution_interval": bounce.interval if bounce else 0.0}
 
@@ -165,7 +168,7 @@ def rows_of(key: Row) -> list[Row]:
 
 def print_table(rows: Sequence[Row]) -> None:
     """Shares of intervals that hold the truth [%], and medians of errors and of intervals."""
-    shares = ("friction_held", "friction_held_by_sandwich", "vertices_held", "vertices_held_by_sandwich")
+    shares = ("friction_held", "friction_held_by_sandwich", "vertices_held", "vertices_held_by_sandwich", "bounce_told")
     medians = ("friction_error", "friction_interval", "vertices_mm", "vertex_interval_mm", "restitution")
     print(f"{'world':20}{'tosses':>7} {'fit':12}{'seeds':>6}" + "".join(f"{name:>27}" for name in (*shares, *medians)))
     for world in (*WORLDS, "all"):

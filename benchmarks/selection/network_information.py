@@ -7,15 +7,19 @@ directions, against gradients by all weights. Transitions that hold the last 1e-
 out of that comparison, exact and sketched.
 
     python -m benchmarks.selection.network_information [--json] [--model deep ...] [--params CHECKPOINT] [--steps N]
-                                                       [--threads N] [--tosses N]
+                                                       [--threads N] [--tosses N] [--device cuda]
+
+With a device, records are timed on the CPU and on it, and the ratio of the times by the clock is printed.
 """
 
 import argparse
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +33,7 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.models.end_to_end import EndToEndModel
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.network.config import NetworkConfig, SketchConfig, network_config_for
+from contact_curation.information.network.config import CPU, Device, NetworkConfig, SketchConfig, network_config_for
 from contact_curation.information.network.forward_pass import forward_pass, frozen_copy
 from contact_curation.information.network.scoring import NetworkScorer, explicit_scores
 from contact_curation.information.network.sketch import ghost_norms, network_sketch
@@ -59,6 +63,7 @@ class Timing:
 
     model: str
     what: str
+    device: str
     transitions: int
     threads: int
     seconds: float
@@ -117,7 +122,9 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=400, help="of training (default 400)")
     parser.add_argument("--threads", type=int, default=2, help="of torch (default 2)")
     parser.add_argument("--tosses", type=int, default=100, help="for what takes longer than exact traces (default 100)")
+    parser.add_argument("--device", default=CPU, help="where records are timed, too (default cpu)")
     arguments = parser.parse_args()
+    devices = tuple(dict.fromkeys((Device(), Device(arguments.device))))
     folder = contactnets_folder()
     if folder is None:
         return 0
@@ -126,7 +133,7 @@ def main() -> int:
     found: dict[str, list[Timing | Sketched | Drawn]] = {"timings": [], "sketches": [], "draws": []}
     for name in arguments.model:
         model = network(name, tosses, arguments.params, arguments.steps)
-        found["timings"] += timings(model, tosses, arguments.tosses, arguments.threads)
+        found["timings"] += timings(model, tosses, arguments.tosses, arguments.threads, devices)
         found["sketches"] += sketches(model, tosses[:COMPARED_TOSSES])
         if not isinstance(model, EndToEndModel):
             found["draws"] += draws(model, tosses[: arguments.tosses])
@@ -135,6 +142,7 @@ def main() -> int:
     else:
         for rows in found.values():
             print_table(rows)
+        print_ratios([row for row in found["timings"] if isinstance(row, Timing)])
     return 0
 
 
@@ -151,19 +159,21 @@ def network(kind: str, tosses: Sequence[Toss], params: Path | None, steps: int) 
     return model
 
 
-def timings(model: Model, tosses: Sequence[Toss], some: int, threads: int) -> list[Timing]:
-    """Exact traces of all tosses, and whole records of some."""
-    rows, usual = [], network_config_for(model.kind)
-    for what, given, work in (
-        ("exact traces", tosses, lambda: exact_traces(model, tosses)),
-        ("records, empirical", tosses[:some], lambda: scored(model, tosses[:some], Estimator.EMPIRICAL, usual)),
-        ("records, gauss-newton", tosses[:some], lambda: scored(model, tosses[:some], Estimator.GAUSS_NEWTON, usual)),
-    ):
+def timings(model: Model, tosses: Sequence[Toss], some: int, threads: int, devices: Sequence[Device]) -> list[Timing]:
+    """Exact traces of all tosses, and whole records of some on each device."""
+    usual = network_config_for(model.kind)
+
+    def timed(what: str, device: Device, given: Sequence[Toss], work: Callable[[Sequence[Toss]], object]) -> Timing:
+        work(given[:1])  # starts a GPU
         clock, processor = time.perf_counter(), time.process_time()
-        work()
-        count = sum(toss.frames - 1 for toss in given)
-        seconds = time.perf_counter() - clock
-        rows.append(Timing(model.kind, what, count, threads, seconds, time.process_time() - processor))
+        work(given)
+        seconds, count = time.perf_counter() - clock, sum(toss.frames - 1 for toss in given)
+        return Timing(model.kind, what, device.name, count, threads, seconds, time.process_time() - processor)
+
+    rows = [timed("exact traces", Device(), tosses, partial(exact_traces, model))]
+    for estimator, device in product(Estimator, devices):
+        work = partial(scored, model, estimator=estimator, config=usual, device=device)
+        rows.append(timed(f"records, {estimator.value}", device, tosses[:some], work))
     return rows
 
 
@@ -179,14 +189,18 @@ def exact_traces(model: Model, tosses: Sequence[Toss]) -> list[Array]:
         deltas = passed.deltas(tuple(slope[0] for slope in slopes))
         total = np.sum([ghost_norms(*pair).numpy() for pair in zip(passed.tape, deltas, strict=True)], axis=0)
         if explicit is not None:
-            total = total + np.square(explicit_scores(explicit, passed, slopes, rows.before[:, :3].mean(axis=0))[0]).sum(axis=1)
+            total = total + np.square(explicit_scores(explicit, passed, slopes, rows.before[None, :, :3].mean(axis=1))[0]).sum(
+                axis=1
+            )
         found.append(total)
     return found
 
 
-def scored(model: Model, tosses: Sequence[Toss], estimator: Estimator, config: NetworkConfig) -> list[TossInformation]:
+def scored(
+    model: Model, tosses: Sequence[Toss], estimator: Estimator, config: NetworkConfig, device: Device | None = None
+) -> list[TossInformation]:
     """Records of tosses."""
-    found = NetworkScorer(model, ScoringConfig(estimator=estimator), config).score(tosses)
+    found = NetworkScorer(model, ScoringConfig(estimator=estimator), config, device=device).score(tosses)
     return [info for info in found if isinstance(info, TossInformation)]
 
 
@@ -266,6 +280,15 @@ def print_table(rows: Sequence[Timing | Sketched | Drawn]) -> None:
     for row in rows:
         print("  ".join(f"{value:>22.4g}" if isinstance(value, float) else f"{value:>22}" for value in asdict(row).values()))
     print()
+
+
+def print_ratios(rows: Sequence[Timing]) -> None:
+    """How many times as fast a device is as the CPU."""
+    on_cpu = {(row.model, row.what): row.seconds for row in rows if row.device == CPU}
+    for row in rows:
+        if row.device != CPU:
+            times = on_cpu[row.model, row.what] / row.seconds
+            print(f"{row.model}, {row.what}: {row.device} is {times:.1f} times as fast as the CPU")
 
 
 if __name__ == "__main__":

@@ -3,9 +3,10 @@
     Cramer-Rao   C = (A0 + H / sigma^2)^-1,    H = sum of the selected tosses' Gauss-Newton information
     sigma^2      tr(H_o^+ sum s s^T) / rank H_o   over tosses theta was not fitted to, s being a toss's sum of scores
 
-A0 is the spread of the published initialisation, as in `learning.uncertainty`. That module is the one to quote: it has the
-tosses themselves, so that its sigma^2 is over transitions and it knows the sandwich, too. Here sigma^2 is over tosses, for a
-picture that follows every change of the selected set within milliseconds.
+It is a lower bound, which holds if the model is right. A0 is the spread of the published initialisation, as in
+`learning.uncertainty`. That module is the one to quote: it has the tosses themselves, so that its sigma^2 is over transitions
+and it knows the sandwich, too. Here sigma^2 is over tosses, for a picture that follows every change of the selected set within
+milliseconds.
 """
 
 from collections.abc import Sequence

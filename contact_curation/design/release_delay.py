@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
 
 from contact_curation.errors import InvalidValueError
 
@@ -118,6 +117,8 @@ def with_release(seen: tuple[Seen, ...], new: Seen, config: DelayConfig = DEFAUL
     Returns:
         The delays that count from now on, and one line if the delay has changed; else nothing.
     """
+    from scipy.special import stdtrit  # with scipy over half a second to import, which every node would pay
+
     every = (*seen, new)[-KEPT:]
     for count in RECENT:
         older, recent = every[:-count], every[-count:]
@@ -127,7 +128,7 @@ def with_release(seen: tuple[Seen, ...], new: Seen, config: DelayConfig = DEFAUL
         off = np.array([one.delay for one in recent]) - before.mean
         error = np.sqrt(before.mean_sd**2 + (before.jitter**2 + np.mean([one.deviation**2 for one in recent])) / count)
         freedom = config.jitter_weight + len(older) - 1.0
-        limit = student.ppf(1.0 - 0.25 * config.false_alarms, freedom)  # two sides, two counts
+        limit = float(stdtrit(freedom, 1.0 - 0.25 * config.false_alarms))  # two sides, two counts
         if abs(off.mean()) > limit * error and (off / off.mean() > LEAST_SHARE).all():
             mean = float(np.mean([one.delay for one in recent]))
             return recent, f"the gripper's delay changed from {1e3 * before.mean:.0f} to {1e3 * mean:.0f} ms"

@@ -3,7 +3,8 @@
 - cube: ContactNets' tosses below 400, from the folder tosses_processed/ of the one that CONTACTNETS_DATA names; those from
   400 on, and duplicates of them, are left out
 - square: 350 throws of a bouncing square prism in a vertical plane (Fazeli; DAIRLab/ImpactModeling), as poses (K, 200, 3) of
-  x [m], z [m] and theta [rad], from x towards z, at 250 Hz in throws.npz, in the folder that SQUARE_DATA names
+  x [m], z [m] and theta [rad], from x towards z, at 250 Hz in throws.npz, in the folder that SQUARE_DATA names; of these
+  the motions up to rest that the quality checks accept
 - slab, wedge, irregular: thrown in MuJoCo from random releases, with the noise of the real rig's tracker; the truth is known
 
 A third of the tosses, drawn by a seed, judges what is learned from the others.
@@ -22,10 +23,15 @@ from contact_curation.experiments.cell_run import Bench
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.geometry.solids.mass_properties import of_hull
 from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, split, toss_number
-from contact_curation.motion.calibration import calibration_of
+from contact_curation.motion.body_tracker import TrackerConfig
+from contact_curation.motion.calibration import RigCalibration, calibration_of
 from contact_curation.motion.gate_config import GateConfig
+from contact_curation.motion.ingest import IngestConfig, TossIngest
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 from contact_curation.motion.transitions import states_of
@@ -42,8 +48,16 @@ NEVER = HeldOutRule(spans=((400, 569),))
 SIMULATED, DENSITY, FRICTION = 300, 900.0, 0.2
 """Throws of a simulated body, its density [kg/m^3] and friction."""
 
-SQUARE_PERIOD, SQUARE_SIDE = 0.004, 0.06
-"""Of the recorded square [s, m]; depth and mass are not published: it is taken for a cube of 1 kg."""
+SQUARE_PERIOD, SQUARE_SIDE, SQUARE_MASS = 0.004, 0.06, 0.1
+"""Of the recorded square [s, m, kg]. Depth and mass are not published: it is taken for a cube about as dense as ContactNets'.
+The mass changes no motion, but slip and gaps count by squared impulses in the loss: with 1 kg fits end without friction."""
+
+SQUARE_INGEST = IngestConfig(
+    TrackerConfig("square", "board"),
+    SegmenterConfig(tracker_noise=2.0),
+    rig=RigCalibration(height=0.00132, marker_turn=(0.0, 0.02975, 0.0)),
+)
+"""How its throws become tosses; the rig is what `contact-curation rig` says of them."""
 
 RELEASE_SPEED, RELEASE_SPIN, RELEASE_HEIGHT = 1.1, 4.0, 0.15
 """Of simulated throws: speed along [m/s], standard deviation of the spin per axis [rad/s], height of the lowest corner [m]."""
@@ -88,13 +102,22 @@ def _square() -> tuple[Body, tuple[Toss, ...]]:
     except (OSError, KeyError, ValueError) as error:
         raise UnreadableInputError(path, f"expected poses (K, T, 3) of x, z, theta ({error})") from error
     half = 0.5 * SQUARE_SIDE
-    inertia = SQUARE_SIDE**2 / 6.0 * np.eye(3)
-    body = Body("square", box([half] * 3).vertices, 1.0, inertia, 0.3, half)
+    inertia = SQUARE_MASS * SQUARE_SIDE**2 / 6.0 * np.eye(3)
+    body = Body("square", box([half] * 3).vertices, SQUARE_MASS, inertia, 0.3, half)
     turns = np.stack([np.zeros_like(poses[..., 2]), -poses[..., 2], np.zeros_like(poses[..., 2])], axis=-1)
     lifted = np.stack([poses[..., 0], np.zeros_like(poses[..., 0]), poses[..., 1]], axis=-1)
     orientations = np.stack([quaternions.exp(turn) for turn in turns])
     motions = zip(lifted, orientations, strict=True)
-    return body, tuple(_seen(body, f"throw-{k + 1:03d}", *motion, SQUARE_PERIOD) for k, motion in enumerate(motions))
+    return body, tuple(toss for k, motion in enumerate(motions) for toss in _accepted(body, f"throw-{k + 1:03d}", *motion))
+
+
+def _accepted(body: Body, source: str, positions: Array, orientations_wxyz: Array) -> list[Toss]:
+    """The tosses in a throw of the square: one, or none."""
+    ingest, events = TossIngest(SQUARE_INGEST, body, source=source), list[object]()
+    for frame, ((x, y, z), (w, i, j, k)) in enumerate(zip(positions.tolist(), orientations_wxyz.tolist(), strict=True)):
+        stamp = round(frame * SQUARE_PERIOD * NANOSECONDS)
+        events += ingest.push(FramePose(stamp, "board", "square", ScalarPose((x, y, z), (w, i, j, k))))
+    return [event for event in [*events, *ingest.flush()] if isinstance(event, Toss)]
 
 
 def _seen(body: Body, source: str, positions: Array, orientations_wxyz: Array, period: float) -> Toss:

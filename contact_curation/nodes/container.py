@@ -13,6 +13,7 @@ fault if a task raises (github.com/ros2/rclpy, issue 1641), or if entities end w
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 
 import rclpy.utilities
@@ -21,14 +22,7 @@ from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.nodes.ros.hand_over import hand_over
 from contact_curation.nodes.ros.node_main import StageNode, refuse, run_together
 
-CLASSES = {
-    "pose_ingest": "PoseIngest",
-    "fisher_scorer": "FisherScorer",
-    "curator": "Curator",
-    "trainer": "Trainer",
-    "throw_designer": "ThrowDesigner",
-    "session_recorder": "SessionRecorder",
-}
+SHARING = ("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "session_recorder")
 """The nodes that may share a process. The others render, serve pages, keep simulated time, or play recordings."""
 
 DEFAULT = ("pose_ingest", "fisher_scorer", "curator")
@@ -47,8 +41,8 @@ def chosen(words: Sequence[str]) -> dict[str, Callable[[], StageNode]]:
     """
     names = rclpy.utilities.remove_ros_args(words)[1:] or DEFAULT
     for name in names:
-        if name not in CLASSES:
-            raise UnknownNameError("node", name, CLASSES)
+        if name not in SHARING:
+            raise UnknownNameError("node", name, SHARING)
     if len(set(names)) < len(names):
         raise InvalidValueError("nodes", " ".join(names), "each node once")
     for word in words:
@@ -56,16 +50,13 @@ def chosen(words: Sequence[str]) -> dict[str, Callable[[], StageNode]]:
             raise InvalidValueError("-r", word, f"a name for one node, such as {names[0]}:{word}")
         if word.partition(":=")[0] in SHARED and len(names) > 1:
             raise InvalidValueError("-p", word, f"a file for one node, such as -p {names[0]}:{word}")
-    return {name: _maker(name) for name in names}
+    return {name: partial(node_of, name) for name in names}
 
 
-def _maker(name: str) -> Callable[[], StageNode]:
-    def make() -> StageNode:
-        module = import_module(f"contact_curation.nodes.{name}")
-        node: StageNode = getattr(module, CLASSES[name])()
-        return node
-
-    return make
+def node_of(name: str) -> StageNode:
+    """A new node by the name of its module, after which its class is named."""
+    node: StageNode = getattr(import_module(f"contact_curation.nodes.{name}"), name.title().replace("_", ""))()
+    return node
 
 
 def _connect(nodes: Sequence[StageNode]) -> None:

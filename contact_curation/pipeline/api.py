@@ -11,7 +11,7 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.extras import says_what_to_install
-from contact_curation.information.network.config import network_config_for
+from contact_curation.information.network.config import CPU, Device, network_config_for
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
@@ -127,6 +127,7 @@ def score(
     body: Body | None = None,
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
+    device: str = CPU,
 ) -> TossScores:
     """Scores tosses: computes the information that each one contains about theta (method.md 1.4 and 1.5).
 
@@ -135,6 +136,7 @@ def score(
         body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
         model: the model with whose parameters theta the tosses are scored, or its file; None for the body as described.
         estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
+        device: where networks are evaluated: ``cpu``, ``cuda`` or ``cuda:N``.
 
     Returns:
         For each of K accepted tosses the score (a row of `scores`, (K, P)), a factor W (R, P) of its Fisher matrix WᵀW, and
@@ -150,8 +152,9 @@ def score(
         >>> info.factors[0].shape[1], len(info.losses[0])
         (28, 99)
     """
+    place = Device(device)
     found = _tosses(tosses, _body(body, model)).check_some("no toss to score")
-    config = _pool_config(found.config, _theta(model, found.body), estimator)
+    config = _pool_config(found.config, _theta(model, found.body), estimator, place)
     (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
     return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
 
@@ -165,6 +168,7 @@ def rank(
     criterion: str = RANKING.criterion,
     model: "LearnedModel | str | PathLike[str] | None" = None,
     estimator: str = SCORING.estimator.value,
+    device: str = CPU,
     seed: int = RANKING.seed,
     held_out: str | None = None,
     index: str | PathLike[str] | None = None,
@@ -182,6 +186,7 @@ def rank(
             (`information.criteria.criterion.register`).
         model: the model whose parameters the information is about, or its file; None for the body as described.
         estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
+        device: where networks are evaluated: ``cpu``, ``cuda`` or ``cuda:N``.
         seed: random seed of the criterion ``random``.
         held_out: tosses that are not ranked, nor are their duplicates: numbers (``"400-569"``), a share (``"0.2"``), or a file
             of ids.
@@ -211,7 +216,7 @@ def rank(
     reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(known or CONTACTNETS_CUBE)
     theta = _theta(model, reading.body)
     config = RankConfig(
-        pool=_pool_config(reading, theta, estimator),
+        pool=_pool_config(reading, theta, estimator, Device(device)),
         ranking=RankingConfig(criterion=criterion, top=top, seed=seed),
         model=theta.kind if not isinstance(theta, Parameters) else DEFAULT_MODEL,
         parameters=f"body {reading.body.name}" if model is None else getattr(model, "name", str(model)),
@@ -235,6 +240,7 @@ def train(
     seed: int = 0,
     held_out: str | None = None,
     start: str | PathLike[str] | None = None,
+    restitution: bool = False,
     progress: Progress = silent,
 ) -> "LearnedModel":
     """Trains a model on tosses.
@@ -250,6 +256,8 @@ def train(
         seed: random seed of the initialisation and the order of batches.
         held_out: tosses that are not learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
         start: checkpoint to start from; None for the published random initialisation.
+        restitution: whether a polytope learns a restitution, too, by the exact protocol. If it does not and the tosses bounce,
+            `warnings` of the model say so.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
@@ -278,7 +286,7 @@ def train(
         TrainConfig(
             kind=model,
             body=found.body,
-            protocol=config if steps is None else replace(config, steps=steps),
+            protocol=replace(config, steps=config.steps if steps is None else steps, restitution=restitution),
             start=start_of(None if start is None else Path(start), model, found.body),
             seed=seed,
             rig=found.config.inputs.rig,
@@ -289,7 +297,9 @@ def train(
         while running.running:
             bar.advance(1, running.advance())
     running.check()
-    return replace(running.model(), warnings=found.warnings)
+    bounce = running.bounce()
+    bounces = (bounce.in_words("restitution=True"),) if bounce and bounce.missing else ()
+    return replace(running.model(), warnings=(*found.warnings, *bounces))
 
 
 @says_what_to_install
@@ -411,12 +421,12 @@ def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Th
     return theta_of((load_model(fspath(model), body) if isinstance(model, str | PathLike) else model).model)
 
 
-def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str) -> PoolConfig:
+def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str, device: Device) -> PoolConfig:
     if estimator not in tuple(Estimator):
         raise UnknownNameError("estimator", estimator, Estimator)
     network = network_config_for(DEFAULT_MODEL if isinstance(theta, Parameters) else theta.kind)
     scoring = ScoringConfig(estimator=Estimator(estimator), form=form_of(None, (theta,)))
-    return PoolConfig(reading, (theta,), scoring, network=network)
+    return PoolConfig(reading, (theta,), scoring, network=network, device=device)
 
 
 def _polytope(model: "LearnedModel") -> Parameters:

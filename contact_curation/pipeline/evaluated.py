@@ -14,6 +14,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, Spread
 from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
 from contact_curation.learning.evaluation.without_model import doubt, plain_errors
+from contact_curation.learning.uncertainty.bounce import Bounce
 from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.learned_model import LearnedModel
@@ -71,6 +72,7 @@ class Evaluation:
         tosses: by which, and why these.
         known: what is known of the first model's parameters; None where that cannot be said.
         why_not: why.
+        bounce: restitution of the tosses that the first model was fitted to without one; None where that is not known.
         bootstrap: of the intervals.
     """
 
@@ -80,6 +82,7 @@ class Evaluation:
     tosses: JudgingTosses
     known: Known | None
     why_not: str
+    bounce: Bounce | None
     bootstrap: BootstrapConfig
 
     def summaries(self) -> dict[str, Summary]:
@@ -109,6 +112,7 @@ class Evaluation:
             "bootstrap": asdict(self.bootstrap),
             "known": _json_known(self.known) if self.known else None,
             "known_why_not": self.why_not,
+            "bounce": self.bounce._asdict() if self.bounce else None,
             "without_a_model": {
                 name: errors._asdict() for name, errors in plain_errors(self.evaluations[0], self.models[0].body).items()
             },
@@ -151,6 +155,8 @@ def _lines(report: Evaluation) -> Iterator[str]:
         if line := doubt(evaluation, one.body):
             yield f"  careful: {line}"
     yield from ("", _without_model(report))
+    if report.bounce and report.bounce.missing:
+        yield f"careful: {report.bounce.in_words()}"
     yield ""
     if report.known:
         if doubt(report.evaluations[0], report.models[0].body):
@@ -201,9 +207,10 @@ def _failures(evaluation: ModelEvaluation) -> Iterator[str]:
 
 
 def _known(known: Known, *, at_optimum: bool) -> Iterator[str]:
-    said = f"95 % intervals, and standard deviations (sigma^2 {known.noise_variance:.3g})"
+    said = f"95 % intervals, which contain the misfit, and standard deviations (sigma^2 {known.noise_variance:.3g})"
     yield f"what is known from the {known.tosses} others: {said}"
     heads = f"{'value':>9} {'95 %: +-':>9} {'deviation':>9} {'sandwich':>9} {'Cramer-Rao':>10} {'naive':>9}"
+    yield "  sandwich, Cramer-Rao (a lower bound) and naive deviations hold for a model that is right only"
     yield f"  {'':20} {'unit':4} {heads}   ellipsoid's half axes [mm]"
     rows = {parameter.name: parameter for parameter in known.parameters}
     for k, vertex in enumerate(known.vertices):
@@ -222,7 +229,7 @@ def _known(known: Known, *, at_optimum: bool) -> Iterator[str]:
             if at_optimum
             else "the model was not trained on them, or not to the end (train --protocol exact goes there)"
         )
-        yield f"  a Newton step on these tosses moves a parameter by {known.to_optimum:.1f} standard deviations: {why}"
+        yield f"  a Newton step on these tosses moves a parameter by {known.to_optimum:.1f} Cramer-Rao deviations: {why}"
     if known.tosses < len(known.parameters):
         yield "  with fewer tosses than parameters the sandwich says too little; take the intervals"
 

@@ -9,6 +9,7 @@ from contact_curation.contact.parameter_form import is_physical
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, split
+from contact_curation.learning.uncertainty.bounce import Bounce, bounce_of
 from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
@@ -59,8 +60,10 @@ def evaluate_models(
         for one in models
         if one.model.has_own_friction_vertices
     }
-    what_is_known, why_not = _known(models[0], tosses, known_config or KnownConfig())
-    return Evaluation(tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, config.bootstrap)
+    known_config = known_config or KnownConfig()
+    what_is_known, why_not = _known(models[0], tosses, known_config)
+    bounce = _bounce(models[0], tosses, known_config)
+    return Evaluation(tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, bounce, config.bootstrap)
 
 
 def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedModel]) -> JudgingTosses:
@@ -129,6 +132,13 @@ def _of_other_rigs(models: Sequence[LearnedModel], settings: str) -> list[str]:
         for one in models
         if one.rig is not None and one.rig != settings
     ]
+
+
+def _bounce(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> Bounce | None:
+    """The restitution of the tosses to whose optimum a model was fitted without one."""
+    if not judged.at_optimum or not tosses.fitted:
+        return None
+    return bounce_of(judged.model, transitions_of(tosses.fitted, judged.body.length_scale), config.loss)
 
 
 def _known(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:

@@ -83,6 +83,10 @@ def rank_tosses(
             "one that needs no exact scores of a network's weights with --engine ray, which lie in a folder of one machine"
         )
         raise InvalidValueError("criterion", config.ranking.criterion, expected)
+    if config.engine and not config.pool.device.is_cpu:
+        raise InvalidValueError(
+            "device", config.pool.device.name, "cpu with --engine ray, whose tasks are given processors only"
+        )
     sources, jobs = (source.recordings(), 1) if isinstance(source, Tosses) else (source, processes_for(source, config.jobs))
     with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
         pool_config = config.with_exact_scores_in(Path(folder)).pool

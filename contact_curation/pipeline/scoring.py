@@ -7,7 +7,8 @@ losses are known.
 """
 
 import os
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import batched
@@ -16,9 +17,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.network.config import NetworkConfig
+from contact_curation.information.network.config import Device, NetworkConfig
 from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import TossInformation
@@ -57,6 +58,10 @@ class PoolConfig:
         bound_influence: whether the bound on losses is taken from the pool.
         network: how they are scored for a network.
         score_folder: takes the exact scores for networks; None to do without them.
+        device: where networks are evaluated.
+
+    Raises:
+        InvalidValueError: a device for a polytope.
     """
 
     reading: ReadingConfig
@@ -65,20 +70,25 @@ class PoolConfig:
     bound_influence: bool = False
     network: NetworkConfig = field(default_factory=NetworkConfig)
     score_folder: ScoreFolder | None = None
+    device: Device = field(default_factory=Device)
+
+    def __post_init__(self) -> None:
+        if not self.device.is_cpu and any(isinstance(theta, Parameters) for theta in self.thetas):
+            raise InvalidValueError("device", self.device.name, "cpu: the kernel scores polytopes, without PyTorch")
 
     def scorers(self, bounds: Sequence[float], jobs: int) -> tuple[TossScorer, ...]:
-        """One per theta, each with its own bound on losses; the processors are shared between `jobs` processes."""
+        """One per theta, each with its own bound on losses; `jobs` processes share the processors and the device."""
         loss = replace(self.scoring.loss, threads=max(1, (os.cpu_count() or 1) // jobs))
         configs = [replace(self.scoring, influence_bound=bound, loss=loss) for bound in bounds]
-        return tuple(self._scorer(theta, config) for theta, config in zip(self.thetas, configs, strict=True))
+        return tuple(self._scorer(theta, config, jobs) for theta, config in zip(self.thetas, configs, strict=True))
 
-    def _scorer(self, theta: Theta, config: ScoringConfig) -> TossScorer:
+    def _scorer(self, theta: Theta, config: ScoringConfig, jobs: int) -> TossScorer:
         if isinstance(theta, Parameters):
             return Scorer(theta.geometry, theta.body, config)
         import torch  # takes over a second to import
 
         torch.set_num_threads(1)  # on busy cores threads wait for each other many times as long as they work
-        return scorer_of_model(theta.model(), config, self.network, self.score_folder)
+        return scorer_of_model(theta.model(), config, self.network, self.score_folder, self.device, jobs)
 
     @property
     def form(self) -> str | None:
@@ -279,9 +289,9 @@ def _score_input(
     scorers = config.scorers(bounds, jobs)
     reader = _opened(source, config.reading, index)
     scores: dict[str, Scores] = {}
-    for tosses in batched(reader.tosses(), BATCH):
-        scores.update(_scored(scorers, tosses))
-        advance(len(tosses))
+    for found in _while_read(reader.tosses(), partial(_scored, scorers)):
+        scores |= found
+        advance(len(found))
     return ScoredInput(reader.reading(), scores)
 
 
@@ -289,16 +299,33 @@ def _losses_of(config: PoolConfig, jobs: int, index: RecordingIndex | None, sour
     scorers = config.scorers(config.fixed_bounds, jobs)
     reader = _opened(source, config.reading, index)
     losses: dict[str, tuple[Array, ...]] = {}
-    for tosses in batched(reader.tosses(), BATCH):
-        by_toss = zip(*(scorer.losses(tosses) for scorer in scorers), strict=True)
-        losses |= dict(zip((toss.toss_id for toss in tosses), by_toss, strict=True))
-        advance(len(tosses))
+    for found in _while_read(reader.tosses(), partial(_losses_by_toss, scorers)):
+        losses |= found
+        advance(len(found))
     return _Losses(reader.reading(), losses)
+
+
+def _while_read[Result](tosses: Iterable[Toss], work: Callable[[Sequence[Toss]], Result]) -> Iterator[Result]:
+    """The results for batches of tosses, in their order; the next batch is read while the kernel works on the one before."""
+    with ThreadPoolExecutor(1) as thread:
+        before: Future[Result] | None = None
+        for batch in batched(tosses, BATCH):
+            following = thread.submit(work, batch)
+            if before is not None:
+                yield before.result()
+            before = following
+        if before is not None:
+            yield before.result()
 
 
 def _scored(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, Scores]:
     by_theta = [scorer.score(tosses) for scorer in scorers]
     return {toss.toss_id: scores for toss, scores in zip(tosses, zip(*by_theta, strict=True), strict=True)}
+
+
+def _losses_by_toss(scorers: Sequence[TossScorer], tosses: Sequence[Toss]) -> dict[str, tuple[Array, ...]]:
+    by_toss = zip(*(scorer.losses(tosses) for scorer in scorers), strict=True)
+    return dict(zip((toss.toss_id for toss in tosses), by_toss, strict=True))
 
 
 def _bounds(waiting: Sequence[_Losses], held_out: Collection[str], thetas: int) -> tuple[float, ...]:

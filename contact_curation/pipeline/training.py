@@ -25,6 +25,7 @@ from contact_curation.learning.training.plan import TrainingPlan, begin, resume,
 from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact, published
 from contact_curation.learning.training.reranking import RerankingConfig
+from contact_curation.learning.uncertainty.bounce import Bounce, bounce_of
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses
 from contact_curation.pipeline.learned_model import OPTIMUM, LearnedModel, model_of_checkpoint
@@ -198,8 +199,8 @@ class TrainingRun:
 
     def checkpoint(self) -> bytes:
         """All of it, to be resumed or to take the model from."""
-        at_optimum = self.plan.protocol.exact and self.progress.state is TrainingState.CONVERGED
-        return stored(self.plan, self.curated, {**self._notes, **({OPTIMUM: self.progress.reason} if at_optimum else {})})
+        notes = {**self._notes, **({OPTIMUM: self.progress.reason} if self._at_optimum else {})}
+        return stored(self.plan, self.curated, notes)
 
     def check(self, checkpoint: Path | None = None) -> None:
         """Refuses a training that failed.
@@ -210,9 +211,18 @@ class TrainingRun:
         if self.progress.state is TrainingState.FAILED:
             raise TrainingFailedError(self.progress, checkpoint)
 
+    def bounce(self) -> Bounce | None:
+        """The restitution of the tosses, where the model was fitted to its optimum without one."""
+        training = self.curated.training
+        return bounce_of(training.trained(), training.data, self.plan.protocol.loss) if self._at_optimum else None
+
     def model(self) -> LearnedModel:
         """The model as it is now."""
         return model_of_checkpoint(self.checkpoint(), f"{self.plan.kind} trained here")
+
+    @property
+    def _at_optimum(self) -> bool:
+        return self.plan.protocol.exact and self.progress.state is TrainingState.CONVERGED
 
 
 def _polytope(start: Parameters, form: Form, tosses: LearningTosses) -> PolytopeModel:

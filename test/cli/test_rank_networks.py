@@ -102,6 +102,14 @@ def test_the_physical_block_alone_has_no_networks_in_it(cli: Cli, folder: Path) 
     assert report["diagnostics"]["dimension"] <= 52
 
 
+def test_tosses_that_are_evaluated_together_are_ranked_alike(cli: Cli, folder: Path) -> None:
+    apart, together = (ranked(cli, folder, "deepvertex", "--device-memory", memory) for memory in (0, 500))
+    ids, traces = ([[row[name] for row in report["tosses"]] for report in (apart, together)] for name in ("toss_id", "trace"))
+    assert ids[1] == ids[0]
+    assert traces[1] == pytest.approx(traces[0], rel=1e-6)
+    assert together["diagnostics"]["network"] == apart["diagnostics"]["network"]
+
+
 def test_a_polytope_is_ranked_for_from_its_checkpoint(cli: Cli, folder: Path) -> None:
     report = ranked(cli, folder, "polytope")
     assert (report["model"], report["diagnostics"]["form"], report["diagnostics"]["network"]) == ("polytope", "physical", None)
@@ -115,6 +123,8 @@ REFUSED = (
     (("--model", "deep", "--params", "deep.safetensors", "--form", "physical"), "its checkpoint says which"),
     (("--model", "deepvertex", "--params", "deepvertex.safetensors", "--block", "physical"), "expected deep"),
     (("--model", "end_to_end", "--params", "end_to_end.safetensors", "--block", "physical"), "expected deep"),
+    (("--model", "deep", "--params", "deep.safetensors", "--device", "cuda:99"), "device: found cuda:99, expected one of cpu"),
+    (("--model", "deep", "--params", "deep.safetensors", "--device", "gpu"), "device: found gpu, expected cpu, cuda or cuda:N"),
     (("--model", "deep", "--params", "missing.safetensors"), "cannot be read: No such file"),
 )
 

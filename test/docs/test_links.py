@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from test.conftest import REPOSITORY
 
 LINK = re.compile(r"\]\((?!https?:|mailto:|#)([^)#\s]+)(?:#([^)\s]*))?\)")
@@ -18,19 +16,31 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(REPOSITORY)))
-def test_every_link_of_a_page_leads_to_a_file_and_a_heading_in_it(page: Path) -> None:
+def broken_links(page: Path) -> list[str]:
+    """The links of a page that lead to no file, or to no heading of it."""
+    broken = []
     for target, anchor in LINK.findall(page.read_text(encoding="utf-8")):
         path = (page.parent / target).resolve()
-        assert path.exists(), target
-        assert not anchor or anchor in anchors(path), f"{target}#{anchor}"
+        if not path.exists() or (anchor and anchor not in anchors(path)):
+            broken.append(f"{target}#{anchor}" if anchor else target)
+    return broken
+
+
+def test_every_link_of_a_page_leads_to_a_file_and_a_heading_in_it() -> None:
+    broken = {str(page.relative_to(REPOSITORY)): broken_links(page) for page in PAGES}
+    assert {page: links for page, links in broken.items() if links} == {}
 
 
 PATHS = re.compile(r"`((?:[\w.]+/)+[\w.]+\.(?:py|cpp|hpp))`")
 ROOTS = (REPOSITORY, REPOSITORY / "contact_curation", REPOSITORY / "conformance")
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.parent != REPOSITORY], ids=lambda page: page.name)
-def test_every_file_of_the_repository_that_a_page_names_is_there(page: Path) -> None:
+def missing_files(page: Path) -> list[str]:
+    """The files of the repository that a page names and that are not there."""
     named = PATHS.findall(page.read_text(encoding="utf-8"))
-    assert [path for path in named if not any((root / path).exists() for root in ROOTS)] == []
+    return [path for path in named if not any((root / path).exists() for root in ROOTS)]
+
+
+def test_every_file_of_the_repository_that_a_page_names_is_there() -> None:
+    missing = {str(page.relative_to(REPOSITORY)): missing_files(page) for page in PAGES if page.parent != REPOSITORY}
+    assert {page: files for page, files in missing.items() if files} == {}

@@ -265,3 +265,23 @@ def test_the_tables_of_bodies_that_bounce_are_medians_of_their_rows() -> None:
                     assert median == pytest.approx(float(number), abs=0.51 * 10.0**-digits), (line, name)
                     counted += 1
     assert counted > 80
+
+
+def test_the_correlations_of_scores_with_outcomes_are_those_of_the_stored_table() -> None:
+    found = {(row["body"], row["size"], row["outcome"], row["score"]): row for row in rows("datamodeling_scores")}
+    counted = 0
+    for body, subsets, table in re.findall(
+        r"^`(\w+)`, (\d+) subsets of each size:\n\n(.*?)\n\n",
+        section("What foresees the error of a subset") + "\n",
+        re.DOTALL | re.MULTILINE,
+    ):
+        heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
+        for score, *cells in lines:
+            for (outcome, size), cell in zip((head.split(", ") for head in heads[1:]), cells, strict=True):
+                row = found[body, size, outcome, score]
+                assert row["subsets"] == subsets
+                numbers = [float(row[name]) for name in ("spearman", "low", "high")]
+                said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
+                assert said == pytest.approx(numbers, abs=0.0051), (body, score, outcome, size)
+                counted += 1
+    assert counted == 12 * 4 * len({row["body"] for row in rows("datamodeling_scores")})

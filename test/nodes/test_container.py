@@ -8,7 +8,7 @@ import pytest
 import rclpy
 
 from contact_curation.errors import InvalidValueError, UnknownNameError
-from contact_curation.nodes.container import CLASSES, DEFAULT, chosen
+from contact_curation.nodes.container import DEFAULT, SHARING, chosen
 from contact_curation.nodes.ros.given_parameters import check_names
 from contact_curation.nodes.ros.hand_over import hand_over
 from contact_curation.nodes.ros.node_main import StageNode
@@ -20,7 +20,7 @@ from test.nodes.test_catch_up import Server, following, numbered
 def test_a_container_makes_the_nodes_that_it_is_asked_for_and_else_those_of_the_ranking() -> None:
     assert tuple(chosen(["container", "--ros-args", "-p", "curator:top:=4"])) == DEFAULT
     assert tuple(chosen(["container", "curator", "trainer", "--ros-args", "-r", "__ns:=/cell"])) == ("curator", "trainer")
-    assert set(DEFAULT) < set(CLASSES)
+    assert set(DEFAULT) < set(SHARING)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import os
 import signal
 import sys
 import time
-from contextlib import suppress
 from pathlib import Path
 from tempfile import gettempdir
 from typing import Any
@@ -74,19 +73,14 @@ def beats(descriptor: int) -> int:
         return 0
 
 
-def left() -> set[str]:
-    """Shared memory of the middleware that no living process has mapped; other graphs on the machine have their own."""
-    mapped = ""
-    for maps in Path("/proc").glob("[0-9]*/maps"):
-        with suppress(OSError):
-            mapped += maps.read_text()
-    names = {path.name for path in Path("/dev/shm").glob("fastrtps_*") if path.stat().st_size}
-    return {name for name in names if name not in mapped}
+def mapped(process: int) -> set[Path]:
+    """Shared memory of the middleware that a process has mapped; other graphs on the machine have their own."""
+    lines = Path(f"/proc/{process}/maps").read_text().splitlines()
+    return {Path(line[line.index("/") :]) for line in lines if "/dev/shm/fastrtps_" in line}
 
 
 def main(kills: int, discovery: str = "") -> None:
     """Prints the row."""
-    before = left()
     import rclpy  # noqa: F401 - before the forks
     from std_msgs.msg import ByteMultiArray  # noqa: F401
 
@@ -98,6 +92,7 @@ def main(kills: int, discovery: str = "") -> None:
         while not beats(pulse):
             time.sleep(0.01)
         longest, last, unheard, stood = 0.0, time.monotonic(), 0, 0
+        shared: set[Path] = set()
         for number in range(kills):
             subscriber, heard = started(subscribe)
             began, messages, wanted = time.monotonic(), 0, 5 + 37 * number % 100
@@ -108,13 +103,15 @@ def main(kills: int, discovery: str = "") -> None:
                     stood += time.monotonic() - last > SILENCE
                     longest, last = max(longest, time.monotonic() - last), time.monotonic()
             unheard += not messages
+            shared |= mapped(publisher) | mapped(subscriber)
             os.kill(subscriber, signal.SIGKILL)
             os.waitpid(subscriber, 0)
             os.close(heard)
         longest = max(longest, time.monotonic() - last)
         os.kill(publisher, signal.SIGKILL)
         os.waitpid(publisher, 0)
-    counts = f"{stood} | {longest:.1f} s | {unheard} | {len(left() - before)}"
+    left = sum(path.exists() and path.stat().st_size > 0 for path in shared)
+    counts = f"{stood} | {longest:.1f} s | {unheard} | {left}"
     print(f"| `{discovery or 'loopback.xml'}` | {kills} | {counts} |")  # noqa: T201
 
 

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from importlib.util import find_spec
 from pathlib import Path
 from pickle import dumps, loads
 from threading import Thread
@@ -22,8 +23,8 @@ from test.cli.commands import Cli
 from test.storage.inputs.test_inputs import mcap_file
 from test.storage.object_server import ObjectServer, object_server
 
-pytest.importorskip("s3fs")
-pytest.importorskip("moto.server")
+# Not importorskip, by which every process of the tests would import both.
+pytestmark = pytest.mark.skipif(not (find_spec("s3fs") and find_spec("moto")), reason="pip install s3fs moto[server]")
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.orthogonal import VARIANTS
-from contact_curation.information.network.config import network_config_for
+from contact_curation.information.network.config import CPU, GPU_MEMORY_MB, Device, network_config_for
 from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
@@ -84,6 +84,16 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         "--form",
         choices=[form.value for form in Form],
         help="how theta is parameterised (default: its own; of the body as described physical)",
+    )
+    group.add_argument(
+        "--device", default=CPU, metavar="NAME", help="where networks are evaluated: cpu, cuda or cuda:N (default cpu)"
+    )
+    group.add_argument(
+        "--device-memory",
+        type=int,
+        metavar="MB",
+        help="memory for the transitions that are evaluated together; 0 evaluates each toss by itself "
+        f"(default 0 on the CPU, {GPU_MEMORY_MB} on a GPU)",
     )
     add_fields(group, ScoringConfig(), "estimator")
     bounds = group.add_mutually_exclusive_group()
@@ -178,6 +188,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     Raises:
         ContactCurationError: a file that an option names cannot be used, or a setting is not accepted.
     """
+    device = Device(arguments.device, arguments.device_memory)
     model, form = model_and_form(arguments.model, None if arguments.form is None else Form(arguments.form))
     body = chosen_body(arguments, models=arguments.params)
     held_out = HeldOutRule() if arguments.held_out is None else held_out_rule(arguments.held_out)
@@ -194,6 +205,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
         scoring=with_options(scoring, arguments, *SCORING),
         bound_influence=arguments.bound_influence,
         network=replace(stages["network"], physical_only=arguments.block == "physical"),
+        device=device,
     )
     pool.scorers(pool.fixed_bounds, jobs=1)  # refuses a theta that does not fit its form before anything is read
     parameters = ", ".join(map(str, arguments.params)) or f"body {body.name}"

@@ -185,6 +185,7 @@ def run(arguments: argparse.Namespace) -> int:
     running.check(arguments.out)
     report = TrainReport(
         run=running,
+        bounce=running.bounce(),
         tosses=tosses,
         seconds=time.monotonic() - began,
         checkpoint=arguments.out,

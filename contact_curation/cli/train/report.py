@@ -6,6 +6,7 @@ from typing import Any
 
 from contact_curation.learning.checkpoints.selection_document import document_of
 from contact_curation.learning.training.reranking import Selected, Trigger
+from contact_curation.learning.uncertainty.bounce import Bounce
 from contact_curation.pipeline.division import LearningTosses
 from contact_curation.pipeline.training import TrainingRun
 from contact_curation.pipeline.wording import counted_tosses
@@ -20,6 +21,7 @@ class TrainReport:
 
     Attributes:
         run: the training and its end.
+        bounce: restitution of the tosses that the model lacks, or would lack; None where it has one, or none is known.
         tosses: tosses that it learned from.
         seconds: duration of this run [s].
         checkpoint: path of the checkpoint.
@@ -28,6 +30,7 @@ class TrainReport:
     """
 
     run: TrainingRun
+    bounce: Bounce | None
     tosses: LearningTosses
     seconds: float
     checkpoint: Path
@@ -49,6 +52,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "held_out_tosses": [toss.toss_id for toss in report.run.plan.held_out],
         "duplicates": [list(duplicate) for duplicate in report.tosses.duplicates],
         "rejected": dict(report.tosses.rejected),
+        "bounce": report.bounce._asdict() if report.bounce else None,
         "selections": [document_of(one) for one in report.run.curated.selections],
         "seconds": report.seconds,
         "checkpoint": str(report.checkpoint),
@@ -74,6 +78,8 @@ def print_report(report: TrainReport) -> None:
     print(f"training loss {progress.training_loss:.4g}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
+    if report.bounce and report.bounce.missing:
+        print(f"careful: {report.bounce.in_words()}")
     _print_selections(report.run.curated.selections)
     print(f"checkpoint: {report.checkpoint}")
     print(f"metrics: {report.metrics}")

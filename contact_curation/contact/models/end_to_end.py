@@ -111,7 +111,7 @@ class EndToEndModel(Model):
 
     def missed_velocities(self, rows: Rows, tape: list[LayerTrace] | None = None) -> Tensor:
         """Predicted minus measured next velocities (B, 6)."""
-        frames = Frames.of(self.body, *rows)
+        frames = Frames.of(self.body, *rows, self.device)
         change = torch.einsum("bij,bj->bi", frames.inverse_mass, self.impulses(rows, tape))
         return frames.free_velocities + change - frames.velocities_next
 
@@ -121,7 +121,7 @@ class EndToEndModel(Model):
 
     def impulses_at(self, states: Array, tape: list[LayerTrace] | None = None) -> Tensor:
         """Net impulses (B, 6) over the frame after states (B, 13): linear in the board's frame, angular in the body's."""
-        inputs = self.scaling(torch.as_tensor(_inputs(states), device=self.scaling.mean.device))
+        inputs = self.scaling(torch.as_tensor(_inputs(states), device=self.device))
         outputs, _ = self.network(inputs[:, None], inputs.new_zeros(len(inputs), 0, INPUTS), tape)
         impulses: Tensor = outputs[:, 0]
         return impulses

@@ -66,4 +66,4 @@ class ModuleParameters(ExplicitParameters):
             changes = torch.autograd.grad(element, weights, retain_graph=True, materialize_grads=True)  # do/dtheta_p, (B, ...)
             each = [(slope * change).flatten(2).sum(dim=2) for (_, slope), change in zip(parts, changes, strict=True)]
             columns.append(torch.stack(each).sum(dim=0))  # (n, B)
-        return torch.stack(columns, dim=-1).numpy()
+        return torch.stack(columns, dim=-1).cpu().numpy()

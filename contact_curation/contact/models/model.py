@@ -60,6 +60,11 @@ class Model(torch.nn.Module, ABC):
         """Its networks by name, in the order in which a tape has them."""
         return {name: module for name, module in self.named_children() if isinstance(module, StreamNetwork)}
 
+    @property
+    def device(self) -> torch.device:
+        """Where its parameters are."""
+        return next(self.parameters()).device
+
     @classmethod
     @abstractmethod
     def initial(cls, body: Body, form: Form, data: Rows, rng: np.random.Generator) -> Self:
@@ -228,7 +233,7 @@ class ContactModel(Model):
         return over_finite_rows(rows, partial(self._batch_loss, config=config))
 
     def outputs(self, rows: Rows, tape: list[LayerTrace] | None = None) -> tuple[Tensor, ...]:
-        return self.contacts(Frames.of(self.body, *rows), tape)
+        return self.contacts(Frames.of(self.body, *rows, self.device), tape)
 
     def solve(self, outputs: tuple[Tensor, ...], frames: Frames, config: LossConfig) -> ConeSolutions | None:
         return solve_contacts(Contacts(*outputs), frames, config)

@@ -223,10 +223,11 @@ class PolytopeParameters(ExplicitParameters):
         self.blocks, self.tilt_axes, self.pivot = self._form.blocks, self._form.tilt_axes, geometry.pivot
 
     def scores(self, rows: Rows, frames: Frames, slopes: tuple[Tensor, ...]) -> Array:
-        each = self._theta.vector().repeat(len(frames.dt), 1).requires_grad_()  # (B, Q)
-        contacts = contacts_of(self._theta.with_vector(each), frames)
+        theta = Theta(*(value.to(frames.dt.device) for value in self._theta))
+        each = theta.vector().repeat(len(frames.dt), 1).requires_grad_()  # (B, Q)
+        contacts = contacts_of(theta.with_vector(each), frames)
         (found,) = torch.autograd.grad(contacts, each, slopes, is_grads_batched=True)
-        return np.asarray(found.numpy() @ self._form.chart)
+        return np.asarray(found.cpu().numpy() @ self._form.chart)
 
 
 def below_centroid(data: Rows) -> Array:

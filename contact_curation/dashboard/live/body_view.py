@@ -76,7 +76,7 @@ class BodyView:
         friction, sigma = friction_of(geometry), uncertainty.friction if uncertainty else np.nan
         low, high = float(friction * np.exp(-sigma)), float(friction * np.exp(sigma))
         self._screen.values(FRICTION, {"estimate": friction, "low": low, "high": high})
-        return f"{friction:.3f}" + (f" (1 sigma: {low:.3f} to {high:.3f})" if np.isfinite(sigma) else "")
+        return f"{friction:.3f}" + (f" (1 sigma at best: {low:.3f} to {high:.3f})" if np.isfinite(sigma) else "")
 
     def _show_uncertainty(self, vertices: Array, uncertainty: VertexUncertainty) -> None:
         self._screen.log(f"{BODY}/uncertainty", ellipsoids_of(vertices, uncertainty, self._body.length_scale))

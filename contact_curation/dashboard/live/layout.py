@@ -73,7 +73,7 @@ def _body(body: Body) -> rrb.Spatial3DView:
     x, y, z = (body.length_scale * coordinate for coordinate in BODY_EYE)
     return rrb.Spatial3DView(
         origin=body_view.BODY,
-        name=f"Learned body, 1 sigma drawn x {body_view.MAGNIFIED:g}",
+        name=f"Learned body, 1 sigma at best, drawn x {body_view.MAGNIFIED:g}",
         background=SKY,
         line_grid=False,
         eye_controls=rrb.EyeControls3D(position=(x, y, z), look_target=(0.0, 0.0, 0.0), eye_up=UP),
@@ -97,11 +97,11 @@ def _health() -> rrb.TextDocumentView:
 
 
 def _friction() -> rrb.TimeSeriesView:
-    return _curves(body_view.FRICTION, "Friction: estimate blue, 1 sigma grey")
+    return _curves(body_view.FRICTION, "Friction: estimate blue, 1 sigma at best grey")
 
 
 def _known() -> rrb.TimeSeriesView:
-    return _curves(body_view.KNOWN, "Vertices, 1 sigma [mm]: worst orange, median blue")
+    return _curves(body_view.KNOWN, "Vertices, 1 sigma at best [mm]: worst orange, median blue")
 
 
 def _errors() -> rrb.TimeSeriesView:

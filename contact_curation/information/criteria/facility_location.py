@@ -11,14 +11,11 @@ again only while its last gain could be the largest (Minoux 1978). Distances are
 all pairs is held.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.criteria.criterion import Criterion, Need, RankingConfig, register
-from contact_curation.information.criteria.herding import whitened_scores
-from contact_curation.information.pool import CHUNK, Indices, Pool
+from contact_curation.information.criteria.herding import score_criterion
+from contact_curation.information.pool import CHUNK, Indices
 from contact_curation.information.ranking import Selection, greedy_selection
 from contact_curation.information.ties import first_of_the_best, tie_floor
 
@@ -72,16 +69,9 @@ def _distances(features: Array, others: Array) -> Array:
     return np.asarray(cdist(features, others))  # toss by toss: no digits cancel, and none depend on the block
 
 
-def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
-    return select_by_facility_location(np.concatenate([whitened_scores(pool, config) for pool in pools], axis=1), config.top)
-
-
-FACILITY_LOCATION = register(
-    Criterion(
-        "facility-location",
-        "fall of the mean distance to a selected toss",
-        "deviation of the scores",
-        _select,
-        needs=frozenset({Need.THETA, Need.SUBSPACE}),
-    )
+FACILITY_LOCATION = score_criterion(
+    "facility-location",
+    "fall of the mean distance to a selected toss",
+    "deviation of the scores",
+    select_by_facility_location,
 )

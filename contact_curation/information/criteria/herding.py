@@ -9,7 +9,7 @@ is smallest. This is the plainest of the rules that match a set to its pool: it 
 the toss determines it. A step needs only the running sum, (p,) numbers, so that a selection costs O(k K p).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -51,16 +51,15 @@ def whitened_scores(pool: Pool, config: RankingConfig) -> Array:
     return PoolScores.of(pool, pool_subspace(pool, config.cut).per_mean_toss(len(pool)), config.prior).scores
 
 
-def _select(pools: Sequence[Pool], config: RankingConfig) -> Selection:
-    return select_by_herding(np.concatenate([whitened_scores(pool, config) for pool in pools], axis=1), config.top)
+def score_criterion(name: str, label: str, unit: str, select: Callable[[Array, int], Selection]) -> Criterion:
+    """Registers a criterion that selects by `whitened_scores`, those of all parameter particles side by side."""
+
+    def selection(pools: Sequence[Pool], config: RankingConfig) -> Selection:
+        return select(np.concatenate([whitened_scores(pool, config) for pool in pools], axis=1), config.top)
+
+    return register(Criterion(name, label, unit, selection, needs=frozenset({Need.THETA, Need.SUBSPACE})))
 
 
-HERDING = register(
-    Criterion(
-        "herding",
-        "minus the squared distance of the toss's score from the mean",
-        "variance of the scores",
-        _select,
-        needs=frozenset({Need.THETA, Need.SUBSPACE}),
-    )
+HERDING = score_criterion(
+    "herding", "minus the squared distance of the toss's score from the mean", "variance of the scores", select_by_herding
 )

@@ -1,5 +1,6 @@
 """How tosses are scored for networks, as plain numbers that cost no import of torch."""
 
+import re
 from dataclasses import dataclass, field
 
 from contact_curation.contact.models.defaults import ModelDefaults
@@ -32,6 +33,57 @@ class SketchConfig:
     def size(self) -> int:
         """Rows of a projection."""
         return self.leading + self.random
+
+
+CPU = "cpu"
+
+GPU_MEMORY_MB = 4096
+"""Default of `Device.memory_mb` on a GPU: over 2,000 transitions of any model, and room for others on a GPU of 8 GB."""
+
+
+@dataclass(frozen=True)
+class Device:
+    """Where PyTorch evaluates networks. It changes the last digits of scores only, so no score is kept under its name.
+
+    Attributes:
+        name: ``cpu``, ``cuda`` or ``cuda:N``.
+        memory_mb: memory for the transitions that are evaluated together [MB], weights and PyTorch itself not counted; 0
+            evaluates each toss by itself, so that no digit depends on the other tosses; None for 0 on the CPU and
+            `GPU_MEMORY_MB` on a GPU.
+
+    Raises:
+        InvalidValueError: PyTorch has no such device, or the memory is negative.
+    """
+
+    name: str = CPU
+    memory_mb: int | None = None
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"cpu|cuda(:\d+)?", self.name):
+            raise InvalidValueError("device", self.name, "cpu, cuda or cuda:N")
+        if self.memory_mb is not None and self.memory_mb < 0:
+            raise InvalidValueError("device memory", self.memory_mb, "at least 0 MB")
+        if not self.is_cpu:
+            self._check_there()
+
+    @property
+    def is_cpu(self) -> bool:
+        return self.name == CPU
+
+    @property
+    def memory(self) -> int:
+        """As `memory_mb`, without None."""
+        return self.memory_mb if self.memory_mb is not None else 0 if self.is_cpu else GPU_MEMORY_MB
+
+    def _check_there(self) -> None:
+        import torch  # takes over a second to import
+
+        count = torch.cuda.device_count() if torch.cuda.is_available() else 0
+        if int(self.name.partition(":")[2] or 0) < count:
+            return
+        known = ", ".join(["cpu", *(f"cuda:{number}" for number in range(count))])
+        why = f"PyTorch {torch.__version__} finds {count or 'no'} CUDA devices; see nvidia-smi"
+        raise InvalidValueError("device", self.name, f"one of {known} ({why})")
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ Hutch++: Meyer, Musco, Musco, Woodruff 2021).
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -73,7 +74,9 @@ class ForwardPass:
         """Slopes (1, B, ...) of the log-likelihood -L/2 by the outputs, times `influence` (B,)."""
         leaves = self._leaves()
         squares = self._residuals(leaves).square().sum(dim=1)
-        return tuple(slope[None] for slope in torch.autograd.grad(squares, leaves, -0.5 * torch.as_tensor(influence)))
+        return tuple(
+            slope[None] for slope in torch.autograd.grad(squares, leaves, -0.5 * torch.as_tensor(influence).to(squares))
+        )
 
     def profile_slopes(self, directions: Tensor, influence: Array) -> Slopes:
         """Slopes (n, B, ...) of r . rtilde by the outputs, times `influence` (B,), for n directions.
@@ -84,7 +87,7 @@ class ForwardPass:
         """
         leaves = self._leaves()
         profiled = directions if self.impulses is None else self._profiled(directions, self.impulses)
-        weighted = torch.as_tensor(influence)[:, None] * profiled
+        weighted = torch.as_tensor(influence).to(profiled)[:, None] * profiled
         return torch.autograd.grad(self._residuals(leaves), leaves, weighted, is_grads_batched=True)
 
     @property
@@ -114,7 +117,7 @@ class ForwardPass:
         free = self._by_free_impulses(Contacts(*(value.detach() for value in self.outputs)), impulses)
         plain, extra = directions[..., : free.shape[1]], directions[..., free.shape[1] :]
         eps = self.config.regularization
-        matrix = free.mT @ free + eps * torch.eye(free.shape[2], dtype=free.dtype)
+        matrix = free.mT @ free + eps * torch.eye(free.shape[2], dtype=free.dtype, device=free.device)
         pulled = torch.einsum("brf,nbr->bfn", free, plain) + eps**0.5 * extra.permute(1, 2, 0)
         spent: Tensor = free @ torch.linalg.solve(matrix, pulled)  # (B, R, n)
         return plain - spent.permute(2, 0, 1)
@@ -122,8 +125,9 @@ class ForwardPass:
     def _by_free_impulses(self, contacts: Contacts, impulses: Tensor) -> Tensor:
         """Derivatives (B, R, 3K) of the residuals along the directions in which the impulses are free to move."""
         problems = cone_problems(contacts, self.frames, self.config)
-        gradients = objectives(problems, impulses.numpy()).gradients
-        bases = torch.as_tensor(free_directions(impulses.numpy(), gradients, self.config.cone))
+        known = impulses.cpu().numpy()
+        gradients = objectives(problems, known).gradients
+        bases = torch.as_tensor(free_directions(known, gradients, self.config.cone)).to(impulses)
         by_impulse = residuals_by_impulses(contacts, self.frames, impulses, self.config)
         free: Tensor = torch.einsum("brkc,bkcd->brkd", by_impulse, bases).flatten(-2)
         return free
@@ -140,17 +144,17 @@ def frozen_copy(model: Model) -> Model:
 def forward_pass(model: Model, rows: Rows, config: LossConfig) -> ForwardPass:
     """The forward pass of a `frozen_copy` over B transitions."""
     tape: list[LayerTrace] = []
-    frames, outputs = Frames.of(model.body, *rows), model.outputs(rows, tape)
+    frames, outputs = Frames.of(model.body, *rows, model.device), model.outputs(rows, tape)
     known = tuple(value.detach() for value in outputs)
     solutions = model.solve(known, frames, config)
     if solutions is None:
-        losses = known[0].square().sum(dim=1).numpy()
+        losses = known[0].square().sum(dim=1).cpu().numpy()
         solved = np.isfinite(losses)
         return ForwardPass(rows, frames, tuple(tape), outputs, losses, solved, np.where(solved, 0.0, np.inf), None, config)
     contacts = Contacts(*known)
     solved = solutions.status == SolveStatus.SOLVED
-    impulses = torch.as_tensor(np.where(solved[:, None, None], solutions.impulses, 0.0))
-    squares = contact_residuals(contacts, frames, impulses, config).square().sum(dim=1).numpy()
+    impulses = torch.as_tensor(np.where(solved[:, None, None], solutions.impulses, 0.0), device=model.device)
+    squares = contact_residuals(contacts, frames, impulses, config).square().sum(dim=1).cpu().numpy()
     losses = np.where(solved, squares, np.nan)
     return ForwardPass(rows, frames, tuple(tape), outputs, losses, solved, solutions.residuals, impulses, config)
 
@@ -169,10 +173,11 @@ def residuals_by_impulses(contacts: Contacts, frames: Frames, impulses: Tensor, 
     speed = torch.linalg.vector_norm(slip, dim=-1)
     own = contacts.gaps.new_zeros(batch, count, 6, 3)  # of each contact by its own impulse
     own[..., 0, 0] = weights.complementarity_normal**0.5 * contacts.gaps_next
-    own[..., 1:3, 1:] = weights.complementarity_tangent**0.5 * contacts.gaps_next[..., None, None] * torch.eye(2)
+    plane, contact = (torch.eye(size, dtype=own.dtype, device=own.device) for size in (2, count))
+    own[..., 1:3, 1:] = weights.complementarity_tangent**0.5 * contacts.gaps_next[..., None, None] * plane
     own[..., 3:5, 0] = weights.dissipation**0.5 * slip
-    own[..., 3:5, 1:] = weights.dissipation**0.5 * speed[..., None, None] * torch.eye(2)
-    apart = torch.einsum("bkfi,kj->bfkji", own, torch.eye(count, dtype=own.dtype))  # (B, 6, K, K, 3)
+    own[..., 3:5, 1:] = weights.dissipation**0.5 * speed[..., None, None] * plane
+    apart = torch.einsum("bkfi,kj->bfkji", own, contact)  # (B, 6, K, K, 3)
     *_, predicted = residuals(contacts, frames, impulses, weights)
     touching = weights.penetration**0.5 * frames.dt[:, None] * (predicted < 0.0)
     pressing = torch.einsum("bk,bka,baji->bkji", touching, jacobians[:, :, 0], change)
@@ -180,23 +185,33 @@ def residuals_by_impulses(contacts: Contacts, frames: Frames, impulses: Tensor, 
     return torch.cat([weights.match**0.5 * change, apart[:, 0], sideways, against, pressing], dim=1)
 
 
-def leading_slopes(slopes: Slopes, count: int, weights: Sequence[float], rng: np.random.Generator) -> Slopes:
+class Draws(NamedTuple):
+    """Random numbers of B transitions: signs e (B, m, 1), and where the iteration for Q begins (B, m, count - 1)."""
+
+    signs: Array
+    basis: Array
+
+    @staticmethod
+    def of(rng: np.random.Generator, batch: int, residuals: int, count: int) -> "Draws":
+        signs = np.asarray(rng.choice([-1.0, 1.0], (batch, residuals, 1)), dtype=float)
+        return Draws(signs, rng.standard_normal((batch, residuals, count - 1)))
+
+
+def leading_slopes(slopes: Slopes, weights: Sequence[float], draws: Draws) -> Slopes:
     """Slopes (count, B, ...) whose outer products have those of slopes (m, B, ...) as their mean, for each of B transitions.
 
     Args:
         slopes: by each of a model's outputs.
-        count: at least 1.
         weights: how far theta moves each output: what is strong is judged by it, and nothing but noise depends on it.
-        rng: where the signs come from.
+        draws: of count >= 1 slopes.
     """
     rows = torch.cat([slope.flatten(2) for slope in slopes], dim=2).transpose(0, 1)  # (B, m, C)
-    batch, residuals, _ = rows.shape
-    if count >= residuals:
+    count = draws.basis.shape[2] + 1
+    if count >= len(slopes[0]):
         return slopes
     sizes = [slope[0, 0].numel() for slope in slopes]
-    weighted = rows * torch.as_tensor(np.repeat(weights, sizes))
-    rest = torch.as_tensor(rng.choice([-1.0, 1.0], (batch, residuals, 1)))
-    basis = torch.as_tensor(rng.standard_normal((batch, residuals, count - 1)))
+    weighted = rows * torch.as_tensor(np.repeat(weights, sizes)).to(rows)
+    rest, basis = (torch.as_tensor(drawn).to(rows) for drawn in draws)
     for _ in range(ITERATIONS if count > 1 else 0):
         basis = torch.linalg.qr(weighted @ (weighted.mT @ basis))[0]
     directions = torch.cat([basis, rest - basis @ (basis.mT @ rest)], dim=2)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from contact_curation.contact.parameter_form import Form
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.network.config import NetworkConfig
+from contact_curation.information.network.config import Device, NetworkConfig
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
@@ -18,6 +18,9 @@ from contact_curation.motion.toss import Toss
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
+
+
+ON_CPU = Device()
 
 
 class TossScorer(Protocol):
@@ -39,7 +42,12 @@ class TossScorer(Protocol):
 
 
 def scorer_of_model(
-    model: "Model", config: ScoringConfig, network: NetworkConfig | None = None, scores: ScoreFolder | None = None
+    model: "Model",
+    config: ScoringConfig,
+    network: NetworkConfig | None = None,
+    scores: ScoreFolder | None = None,
+    device: Device = ON_CPU,
+    jobs: int = 1,
 ) -> TossScorer:
     """Makes the scorer of tosses at the parameters of a model.
 
@@ -48,6 +56,8 @@ def scorer_of_model(
         config: how tosses are scored.
         network: what is peculiar to networks; None for what their kind is scored with by default.
         scores: takes the exact scores of networks; None to do without them.
+        device: where networks are evaluated.
+        jobs: number of processes that share the device.
 
     Raises:
         InvalidValueError: parameters that are not finite, or a block that the model does not have.
@@ -56,5 +66,5 @@ def scorer_of_model(
 
     geometry = model.geometry()
     if geometry is None:
-        return NetworkScorer(model, config, network, scores)
+        return NetworkScorer(model, config, network, scores, device, jobs)
     return Scorer(geometry, model.body, replace(config, form=Form(model.settings()["form"])))

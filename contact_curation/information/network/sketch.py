@@ -50,11 +50,11 @@ def ghost_norms(trace: LayerTrace, deltas: Tensor) -> Tensor:
     return (alike * (deltas @ deltas.mT)).sum(dim=(1, 2))
 
 
-def summed_gradient(tape: Sequence[LayerTrace], deltas: Sequence[Tensor]) -> Tensor:
-    """(P,) the gradients of all layers summed over the transitions: weights and biases of each, in the order of the tape."""
+def summed_gradient(tape: Sequence[LayerTrace], deltas: Sequence[Tensor], span: slice = slice(None)) -> Tensor:
+    """(P,) the gradients of all layers summed over some transitions: weights and biases of each, in the order of the tape."""
     parts = []
-    for trace, slopes in zip(tape, deltas, strict=True):
-        parts.append((slopes.flatten(0, 1).mT @ trace.inputs.detach().flatten(0, 1)).flatten())
+    for trace, slopes in zip(tape, (each[span] for each in deltas), strict=True):
+        parts.append((slopes.flatten(0, 1).mT @ trace.inputs.detach()[span].flatten(0, 1)).flatten())
         parts.append(slopes[:, : trace.primal].sum(dim=(0, 1)))
     return torch.cat(parts)
 
@@ -81,6 +81,10 @@ class NetworkSketch:
     """The projections of all layers, in the order of a tape."""
 
     layers: tuple[LayerSketch, ...]
+
+    def to(self, device: torch.device) -> "NetworkSketch":
+        """The same projections, bit for bit, on a device."""
+        return NetworkSketch(tuple(LayerSketch(*(matrix.to(device) for matrix in layer)) for layer in self.layers))
 
     @property
     def columns(self) -> int:

@@ -149,7 +149,7 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
     sums = polytope_sums(model, fitted, Estimator.GAUSS_NEWTON, config.loss)
     information = sums.fishers.sum(axis=0)
     variance = noise_variance(model, others, config.loss)
-    prior = np.diag(_prior_deviations(model, config) ** -2)  # (P, P) A0
+    prior = prior_of(model, config)
     cramer_rao = model_covariance(identifiable_subspace(prior + information / variance), 1.0)
     sandwich = _sandwich(sums, variance, prior)
     naive = _inverse(polytope_sums(model, fitted, Estimator.EMPIRICAL, config.loss).fishers.sum(axis=0))
@@ -216,9 +216,11 @@ def _form(model: PolytopeModel) -> ParameterForm:
     return parameter_form(model.geometry(), fitted_form(model))
 
 
-def _prior_deviations(model: PolytopeModel, config: KnownConfig) -> Array:
+def prior_of(model: PolytopeModel, config: KnownConfig) -> Array:
+    """(P, P) A0: inverse variances of what was known before the first toss."""
     deviations = {"friction": config.friction, "tilt": config.tilt, "height": config.height, "restitution": RESTITUTION}
-    return _by_block(model, {"vertices_normal": config.vertices, "vertices_tangent": config.vertices, **deviations})
+    vertices = {"vertices_normal": config.vertices, "vertices_tangent": config.vertices}
+    return np.diag(_by_block(model, {**vertices, **deviations}) ** -2)
 
 
 def unit_sizes(model: PolytopeModel) -> Array:

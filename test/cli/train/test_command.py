@@ -2,17 +2,22 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.checkpoint_file import read_model
-from contact_curation.storage.inputs.inputs import open_inputs
+from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
 from test.cli.commands import ASSUMES_THE_CUBE, Cli, write_parameters
+from test.cli.simulated_files import write_simulated
 from test.cli.trainings import SHORT, events, numbers
 
 
@@ -62,9 +67,29 @@ def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli
     done = cli("train", folder, "--out", tmp_path / "a.safetensors", *how, "--json")
     assert done.json["state"] == "converged"
     assert done.json["held_out_loss_after"] < 0.1 * done.json["held_out_loss_before"]
+    assert done.json["bounce"]["tosses"] == 5
     refused = cli("train", folder, "--out", tmp_path / "b.safetensors", *how, "--model", "deep")
     assert refused.status == 1
     assert "model to train exactly: found a deep, expected a polytope in the physical or the rigid form" in refused.err
+
+
+@pytest.mark.slow
+def test_that_tosses_bounce_is_said_by_training_and_evaluation_until_a_restitution_is_learned(cli: Cli, tmp_path: Path) -> None:
+    bouncing = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3)
+    tosses, out = write_simulated(tmp_path, 10, bouncing), tmp_path / "a.safetensors"
+    how = ("--held-out", "8,9", "--no-gate")
+    trained = cli("train", tosses, "--out", out, *how)
+    assert "careful: the tosses bounce, and the model does not: their restitution is 0." in trained.out
+    assert trained.out.count("learn it, too: train --set training.restitution=true") == 1
+    assert "careful: the tosses bounce" in cli("evaluate", out, tosses, "--no-gate").out
+    read = cc.read(tosses, config=InputsConfig(gates=GateConfig(enabled=False)))
+    warned = [line for line in cc.train(read, held_out="8,9").warnings if line.startswith("the tosses bounce")]
+    assert len(warned) == 1
+    assert warned[0].endswith("learn it, too: restitution=True")
+    again = cli("train", tosses, "--out", out, "--overwrite", *how, "--set", "training.restitution=true")
+    assert "careful" not in again.out
+    assert "careful: the tosses bounce" not in cli("evaluate", out, tosses, "--no-gate").out
+    assert not any("bounce" in line for line in cc.train(read, held_out="8,9", restitution=True).warnings)
 
 
 def test_numbers_in_a_recording_count_what_was_rejected(cli: Cli, golden: Path, tmp_path: Path) -> None:

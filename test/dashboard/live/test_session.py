@@ -103,7 +103,7 @@ def test_a_few_lines_say_where_the_session_stands(session: Recorded) -> None:
     assert (
         f"**Throw {COUNT} of 9** is done. {COUNT} tosses: **{TOP} selected**, {COUNT - TOP} not selected; 1 rejected." in page
     )
-    assert "Friction 0.180 (1 sigma: 0.1" in page
+    assert "Friction 0.180 (1 sigma at best: 0.1" in page
     assert f"Drawn: **toss {COUNT} of 12:27:30 UTC**, predicted " in page
 
 

@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import chdir, contextmanager
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import wrap
@@ -22,21 +21,13 @@ from rclpy.node import Node
 
 from contact_curation.configs import HIGHEST
 from contact_curation.errors import ContactCurationError
+from contact_curation.nodes.container import node_of
 from contact_curation.session.free_domain import free_domain
 
-CLASSES = {
-    "pose_ingest": "PoseIngest",
-    "fisher_scorer": "FisherScorer",
-    "curator": "Curator",
-    "trainer": "Trainer",
-    "throw_designer": "ThrowDesigner",
-    "sim_arm": "SimArm",
-    "trajectory_thrower": "TrajectoryThrower",
-    "sim_camera": "SimCamera",
-    "dashboard": "Dashboard",
-    "session_recorder": "SessionRecorder",
-    "player": "Player",
-}
+NODES = (
+    *("pose_ingest", "fisher_scorer", "curator", "trainer", "throw_designer", "sim_arm", "trajectory_thrower", "sim_camera"),
+    *("dashboard", "session_recorder", "player"),
+)
 SET = {"throw_designer": ["thrower:=arm"], "dashboard": ["web_port:=0", "grpc_port:=0"]}
 """So that everything is declared, and nothing served."""
 
@@ -74,7 +65,7 @@ class Declared(NamedTuple):
 def all_declared() -> dict[str, list[Declared]]:
     """What each node declares; nodes are made once in a process."""
     with in_empty_folder(), free_domain() as domain, mock.patch.dict(os.environ, ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST"):
-        return {node: declared(node, domain) for node in CLASSES}
+        return {node: declared(node, domain) for node in NODES}
 
 
 def declared(node: str, domain: int) -> list[Declared]:
@@ -84,7 +75,7 @@ def declared(node: str, domain: int) -> list[Declared]:
     rclpy.init(args=["--ros-args", *arguments], domain_id=domain)
     try:
         with _noted(found):
-            made = getattr(import_module(f"contact_curation.nodes.{node}"), CLASSES[node])()
+            made = node_of(node)
         made.close()
         made.destroy_node()
     except ContactCurationError:  # a node that asks for a file does so once all is declared

@@ -14,6 +14,7 @@ from contact_curation.contact.torch_contacts import Contacts
 from contact_curation.contact.torch_loss import cone_problems
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.forward_pass import (
+    Draws,
     ForwardPass,
     Slopes,
     contact_residuals,
@@ -172,7 +173,7 @@ def moment(slopes: Slopes) -> Tensor:
 
 
 def made(slopes: Slopes, count: int, seed: int, weights: tuple[float, float] = (1.0, 1.0)) -> Slopes:
-    return leading_slopes(slopes, count, weights, np.random.default_rng(seed))
+    return leading_slopes(slopes, weights, Draws.of(np.random.default_rng(seed), BATCH, RESIDUALS, count))
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -100,7 +100,7 @@ def test_what_tosses_identify_is_said_in_plain_words(session: Session, tmp_path:
     accuracy = re.search(r"(all|\d of) 8 vertices to ([\d.]+) mm", line)
     assert accuracy is not None
     assert 0.05 < float(accuracy[2]) < 0.1 * 52.4
-    friction = re.search(r"the friction coefficient \(0.18\) to ([\d.]+) at best \(one standard deviation\)", line)
+    friction = re.search(r"the friction coefficient \(0.18\) to ([\d.]+) at best \(Cramer-Rao bound, one", line)
     assert friction is not None
     assert 0.0 < float(friction[1]) < 0.1 * 0.18
     assert "; mass and inertia stay as described" in line

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,8 @@ from test.learning.evaluation.test_held_out import turned
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 from test.storage.inputs.test_inputs import mcap_file
 
-pytest.importorskip("ray")
-pytestmark = pytest.mark.slow
+# Not importorskip: the default run, which leaves these tests out, would import ray in each of its processes.
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(find_spec("ray") is None, reason="pip install ray")]
 
 
 @pytest.fixture(scope="module")

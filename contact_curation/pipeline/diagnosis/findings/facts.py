@@ -95,7 +95,7 @@ def motions(evidence: Evidence) -> Finding | None:
 
 
 def identifiable(evidence: Evidence) -> Finding | None:
-    """How accurately vertices and friction can be estimated: Cramer-Rao bounds, one standard deviation."""
+    """How accurately vertices and friction can be estimated: Cramer-Rao bounds, which hold for a model that is right."""
     if len(evidence.tosses) < 2 or len(evidence.body.vertices) > MAX_CONTACTS:
         return None
     theta = described_polytope(evidence.body)
@@ -114,7 +114,11 @@ def identifiable(evidence: Evidence) -> Finding | None:
     if sure.friction < HARDLY:
         friction = evidence.body.friction
         parts.append(f"the friction coefficient ({friction:.2g}) to {friction * sure.friction:.1g}")
-    best = f"{', '.join(parts)} at best (one standard deviation)" if parts else "neither vertices nor friction"
+    best = (
+        f"{', '.join(parts)} at best (Cramer-Rao bound, one standard deviation of a model that is right)"
+        if parts
+        else "neither vertices nor friction"
+    )
     of = (
         "these tosses"
         if len(scored) == len(evidence.tosses)
