@@ -159,7 +159,7 @@ def numbers(content: Mapping[str, Any], key: str) -> Array:
     """
     value = content[key]
     try:
-        if _has_other(value):
+        if has_other(value):
             raise ValueError
         return np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:
@@ -183,10 +183,10 @@ def text(content: Mapping[str, Any], key: str) -> str:
     return str(content[key])
 
 
-def _has_other(value: Any) -> bool:
+def has_other(value: Any) -> bool:
     """Whether there is a truth value or a mapping somewhere in nested lists."""
     if isinstance(value, list | tuple):
-        return any(map(_has_other, value))
+        return any(map(has_other, value))
     return isinstance(value, bool | Mapping)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.body_values import is_measurable
+from contact_curation.contact.body_values import LARGEST, has_other, is_measurable
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import check_version, read_json
@@ -94,12 +94,14 @@ def _numbers(data: dict[str, Any], key: str, name: str, *shapes: tuple[int, ...]
         array = np.asarray(data[key])
     except ValueError as error:
         raise InvalidValueError(f"{name}: {key}", "rows of different lengths", expected) from error
-    if array.dtype.kind not in "iuf":
+    if array.dtype.kind not in "iuf" or has_other(data[key]):
         raise InvalidValueError(f"{name}: {key}", repr(data[key])[:60], expected)
     if array.shape not in shapes:
         raise InvalidValueError(f"{name}: {key}", f"shape {array.shape}", expected)
     if not np.isfinite(array).all():
         raise InvalidValueError(f"{name}: {key}", "a value that is not finite", expected)
+    if np.abs(array).max(initial=0.0) > LARGEST:
+        raise InvalidValueError(f"{name}: {key}", f"{np.abs(array).max():.3g}", f"{expected}, at most {LARGEST:g}")
     return array.astype(float)
 
 

@@ -13,6 +13,7 @@ import yaml
 
 from contact_curation.errors import UnreadableInputError, why_unreadable
 from contact_curation.files import parse_yaml
+from contact_curation.storage.addresses import Address
 from contact_curation.storage.bags.file import DamagedBagError, Losses
 from contact_curation.storage.bags.records import Channel, OfferedQos, profiles_of, qos_from
 
@@ -132,11 +133,16 @@ def storage_files(path: Path, losses: Losses) -> BagFolder:
     try:
         if not path.is_dir():
             return BagFolder((path,), None)
-        found = sorted((entry for entry in path.iterdir() if _format(entry)), key=_natural)
+        named = sorted((entry for entry in path.iterdir() if _format(entry)), key=_natural)
+        found = [entry for entry in named if isinstance(entry, Address) or entry.is_file()]
     except OSError as error:
         raise UnreadableInputError(path, f"cannot be read: {why_unreadable(path, error)}") from error
     if not found:
         raise UnreadableInputError(path, f"is a folder without storage files; {EXPECTED}")
+    for entry in named:
+        if entry not in found:  # reading a pipe would block, a device has no end
+            what = "is no file but a folder, a pipe, a device or a link to nothing"
+            losses.say((entry.name, "no file"), f"{entry}: {what}: left out, the other files of the bag are read")
     metadata = _metadata_if_sound(path / METADATA_NAME, losses)
     files = tuple(found) if metadata is None else _chosen(found, metadata, losses)
     if len({_format(file) for file in files}) > 1:

@@ -1,6 +1,7 @@
 """Whatever the input, out come its tosses; what is left out is a line, and the other inputs go on."""
 
 import itertools
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -104,6 +105,35 @@ def test_messages_that_were_logged_up_to_30_ms_out_of_order_cost_no_toss(tmp_pat
         item.digest() for item in expected if isinstance(item, Toss)
     ]
     assert summary.counts == sound.counts == {"poses": len(POSES), "tosses": 2}
+
+
+def to_nothing(split: Path) -> None:
+    split.symlink_to("/nowhere/at.mcap")
+
+
+def to_itself(split: Path) -> None:
+    split.symlink_to(split.name)
+
+
+def to_a_device(split: Path) -> None:
+    split.symlink_to("/dev/zero")
+
+
+@pytest.mark.parametrize("spoilt", [to_nothing, to_itself, to_a_device, os.mkfifo, Path.mkdir])
+def test_a_split_that_is_no_file_costs_only_itself_and_is_not_waited_for(
+    tmp_path: Path, spoilt: Callable[[Path], None]
+) -> None:
+    folder = tmp_path / "split"
+    folder.mkdir()
+    half = len(POSES) // 2
+    write_ours(folder / "split_0.mcap", tagslam()[:half])
+    write_ours(folder / "split_1.mcap", tagslam()[half:])
+    spoilt(folder / "split_2.mcap")
+    items, (summary,) = opened(folder)
+    assert kinds(items) == ["Toss", "Toss"]
+    (line,) = summary.losses
+    assert "split_2.mcap: is no file" in line
+    assert "left out, the other files of the bag are read" in line
 
 
 @pytest.mark.parametrize("places", [len(POSES) // 2, len(POSES)])
