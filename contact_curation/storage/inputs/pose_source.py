@@ -67,6 +67,8 @@ class PoseTopicConfig:
     def __post_init__(self) -> None:
         if self.array_index < 0:
             raise InvalidValueError("array_index", self.array_index, "0 or more")
+        for name in ("body_frame", "board_frame"):  # as the frames of messages
+            object.__setattr__(self, name, frame_name(getattr(self, name)))
 
     def body_frame_of(self, body: str) -> str:
         """The frame of a body."""

@@ -55,3 +55,8 @@ def test_a_topic_that_is_called_like_the_frame_of_the_board_is_the_bodys_where_i
     poses = [FramePose(one.stamp_ns, "odom", "body_cube", one.pose) for one in POSES]
     path = write_ours(tmp_path / "a.mcap", recorded("/odom", ODOMETRY, poses))
     assert read(path, topic="/odom", board_frame="odom") == (["Toss"], [])
+
+
+def test_frames_may_be_named_with_the_slash_of_ros_1() -> None:
+    named = PoseTopicConfig(body_frame="/tool", board_frame="/table")
+    assert named == PoseTopicConfig(body_frame="tool", board_frame="table")
