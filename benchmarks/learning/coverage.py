@@ -67,10 +67,10 @@ class World:
     body: Body
     contacts: WorldConfig | None
 
-    def tosses(self, count: int, seed: int) -> tuple[Toss, ...]:
-        """As a tracker sees them."""
+    def tosses(self, count: int, seed: int, noise: float = 1.0) -> tuple[Toss, ...]:
+        """As a tracker with so many times the real rig's noise sees them."""
         rng = np.random.default_rng(seed)
-        return tuple(_tracked(self._thrown(release(self.body, rng), k), rng) for k in range(count))
+        return tuple(_tracked(self._thrown(release(self.body, rng), k), rng, noise) for k in range(count))
 
     def _thrown(self, state: Array, number: int) -> Toss:
         throw = throw_of_state(f"{number}", self.body.name, state, 0.0, "")
@@ -89,9 +89,9 @@ class World:
         )
 
 
-def _tracked(toss: Toss, rng: np.random.Generator) -> Toss:
-    positions = toss.positions + RIG_NOISE * rng.standard_normal((toss.frames, 3))
-    turns = quaternions.exp(TURN_NOISE * rng.standard_normal((toss.frames, 3)))
+def _tracked(toss: Toss, rng: np.random.Generator, noise: float) -> Toss:
+    positions = toss.positions + noise * RIG_NOISE * rng.standard_normal((toss.frames, 3))
+    turns = quaternions.exp(noise * TURN_NOISE * rng.standard_normal((toss.frames, 3)))
     orientations = quaternions.multiply(toss.orientations_wxyz, turns)
     rates = kinematics(toss.stamps_ns, positions, orientations)
     return replace(
