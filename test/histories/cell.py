@@ -2,9 +2,9 @@
 
 import sqlite3
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 from contact_curation.design.throw import ThrowState
 from contact_curation.information.ranker import RankingConfig
@@ -12,11 +12,10 @@ from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.trained_model import model_message
 from contact_curation.stages.curation import CurationConfig
 from contact_curation.stages.records import BufferRecord, TrainingRecord, load_record
-from contact_curation.storage.stores import sqlite as sqlite_store
-from contact_curation.storage.stores.sqlite import sync
 from test.histories import numbers
 from test.histories.middleware import Middleware, Process
 from test.histories.nodes import BOARD, MAKERS, known
+from test.lost_machine import LOG, Disk
 
 NAMES = tuple(MAKERS)
 NUMBERED = ("toss>scorer", "toss_information>curator", "toss_information>designer")
@@ -30,17 +29,6 @@ LONGEST = 2000
 """Rounds in which a cell that nobody disturbs comes to rest."""
 SECONDS = 12
 """In which nothing happens in one that is at rest; a question without an answer is asked again after 5."""
-LOG_HEADER = 32
-"""Bytes that a write-ahead log begins with, other ones in each log (sqlite.org/fileformat2.html#walformat)."""
-
-_synced: dict[Path, bytes] = {}
-"""What files held when they were last synced."""
-
-
-def _synced_and_noted(path: Path) -> None:
-    if path.is_file():
-        _synced[path] = path.read_bytes()
-    sync(path)
 
 
 class Cell:
@@ -68,8 +56,9 @@ class Cell:
             "trainer": {"exact": exact, "slice_steps": 1, "checkpoint_steps": 1, "settling_rounds": 2},
             "designer": {"auto": True, "await_tracker": False},
         }
-        self._disk = patch.object(sqlite_store, "sync", _synced_and_noted)
-        self._disk.start()
+        self._disk = Disk()
+        self._watching = ExitStack()
+        self._watching.enter_context(self._disk.watched())
         for name in NAMES:
             Process(name, self.middleware, MAKERS[name], folder / f"{name}.sqlite", own.get(name, {}))
             self.save(name)
@@ -168,18 +157,14 @@ class Cell:
 
     def lose_power(self, lost: tuple[str, ...]) -> None:
         """The machine dies, and with it the last commits of some stores; of the tosses' own all since its log was synced."""
-        store = self.folder / "keeper.sqlite"
-        log = store.with_name(store.name + "-wal")
-        synced = _synced.get(log, b"")
-        if not log.exists() or log.read_bytes()[:LOG_HEADER] != synced[:LOG_HEADER]:
-            synced = b""  # a checkpoint, which syncs both files, began another log since
-        on_disk = {**self._safe, "keeper": store.read_bytes()}
+        own = self.folder / "keeper.sqlite"
+        left = self._disk.left(own)
         for name in NAMES:
             self.kill(name)
         for name in lost:
-            self._replace(name, on_disk[name])
-            if name == "keeper" and synced:
-                log.write_bytes(synced)
+            self._replace(name, left[""] if name == "keeper" else self._safe[name])
+            if name == "keeper" and LOG in left:
+                own.with_name(own.name + LOG).write_bytes(left[LOG])
         for name in NAMES:
             self.restart(name)
 
@@ -271,8 +256,7 @@ class Cell:
         for name in NAMES:
             self.kill(name)
             Process.by_store.pop(str(self.process(name).store))
-        self._disk.stop()
-        _synced.clear()
+        self._watching.close()
 
     def process(self, name: str) -> Process:
         return self.middleware.processes[name]

@@ -13,6 +13,7 @@ from contact_curation.stages.ingest import Arrival, IngestJournal
 from contact_curation.stages.records import IngestSnapshot, load_record
 from contact_curation.storage.stores.tosses import TossStore
 from test.graph.parts.measured import fresh_ingest, measured_of, tosses_in
+from test.lost_machine import Disk
 
 MESSAGES = 1000
 """Five or six tosses, one of them with a tracking outlier."""
@@ -84,17 +85,17 @@ def test_what_was_stored_and_not_announced_is_announced_after_a_death(golden_bag
     store.close()
 
 
-def test_a_toss_that_was_announced_is_there_after_the_machine_died_and_took_the_log_of_the_store_with_it(
-    golden_bag: Path, tmp_path: Path
-) -> None:
+def test_a_toss_that_was_announced_is_there_after_the_machine_died(golden_bag: Path, tmp_path: Path) -> None:
     measured = measured_of(golden_bag)[:MESSAGES]
-    store, journal = open_journal(tmp_path / "store")
-    happened = journal.take(arrivals_of(measured))
-    assert len(happened.tosses) >= 2
-    (tmp_path / "left").write_bytes((tmp_path / "store").read_bytes())  # and nothing that is only in the log beside it
-    with TossStore(tmp_path / "left") as left:
-        assert [one.toss.digest() for one in left.after(0, 100)] == [one.toss.digest() for one in happened.tosses]
-    store.close()
+    with Disk().watched() as disk:
+        store, journal = open_journal(tmp_path / "store")
+        happened = journal.take(arrivals_of(measured))
+        assert len(happened.tosses) >= 2
+        for suffix, content in disk.left(tmp_path / "store").items():
+            (tmp_path / f"left{suffix}").write_bytes(content)
+        with TossStore(tmp_path / "left") as left:
+            assert [one.toss.digest() for one in left.after(0, 100)] == [one.toss.digest() for one in happened.tosses]
+        store.close()
 
 
 def test_the_state_of_another_configuration_is_not_taken_up(golden_bag: Path, tmp_path: Path) -> None:
