@@ -1,6 +1,5 @@
 """`train`: what it learns from and what it never sees, what it says, one line for what is wrong."""
 
-import re
 import subprocess
 import sys
 from dataclasses import replace
