@@ -154,7 +154,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             with suppress(OSError):
                 partial.unlink(missing_ok=True)
             raise
-        _sync_folder(path.absolute().parent)
+        sync_folder(path.absolute().parent)
 
 
 @contextmanager
@@ -244,7 +244,7 @@ def _remove_unlocked(left: Path) -> None:
             os.close(descriptor)
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """A name outlives the machine's death, too, where the file system can promise that."""
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)

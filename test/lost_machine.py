@@ -33,6 +33,5 @@ class Disk:
         return {"": store.read_bytes()} | ({LOG: synced} if synced and same else {})
 
     def _sync(self, path: Path) -> None:
-        if path.is_file():
-            self._synced[path] = path.read_bytes()
+        self._synced[path] = path.read_bytes()
         sync(path)

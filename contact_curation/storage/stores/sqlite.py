@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.files import check_version
+from contact_curation.files import check_version, sync_folder
 from contact_curation.storage.stores.seal import seal
 
 WAIT_FOR_WRITERS = 30.0
@@ -109,11 +109,11 @@ class SqliteStore:
         with self._lock:
             try:
                 sync(log if log.exists() else self.path)  # not every file system lets SQLite keep a log
-                if not self._is_named:
-                    sync(self.path.absolute().parent)  # a new file's name is on the disk when its folder is
-                    self._is_named = True
             except OSError as error:
                 raise UnreadableInputError(self.path, f"cannot be used as {self._what}: {error.strerror}") from error
+            if not self._is_named:
+                sync_folder(self.path.absolute().parent)
+                self._is_named = True
 
     def execute(self, statement: str, values: Sequence[Any] = ()) -> int:
         """Runs a statement in a transaction; returns the id of the row that it added, if any."""
@@ -235,7 +235,7 @@ class Store:
 
 
 def sync(path: Path) -> None:
-    """Waits until a file or a folder is on the disk."""
+    """Waits until a file is on the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fdatasync(handle)  # with the size, without the times
