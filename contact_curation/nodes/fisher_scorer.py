@@ -20,6 +20,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.headers import check_format
 from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.messages.toss_bytes import toss_in
 from contact_curation.nodes.messages.toss_information import information_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
@@ -34,7 +35,7 @@ from contact_curation.stages.scored_theta import ScoredTheta, read_scored_theta,
 from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
 from contact_curation.storage.stores.information import InformationStore
 
-TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
+TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16, read=toss_in)
 
 LARGEST_PAGE = 64
 """Largest number of records in a response of `get_information`."""

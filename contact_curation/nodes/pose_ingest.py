@@ -24,6 +24,7 @@ from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.pose_noise import RIG
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
+from contact_curation.nodes.messages.toss_bytes import toss_bytes
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
 from contact_curation.nodes.ros.managed_node import ManagedNode
@@ -152,7 +153,7 @@ class PoseIngest(ManagedNode):
             self._rejected.publish(rejected_message(one.rejected, self._poses.board_frame))
             self.get_logger().info(f"rejected {one.rejected.toss.toss_id}: {'; '.join(one.rejected.reasons)}")
         for stored in tosses:
-            self._tosses.publish(toss_message(stored.toss, stored.sequence, self._poses.board_frame))
+            self._tosses.publish(toss_bytes(stored.toss, stored.sequence, self._poses.board_frame))
             self.get_logger().info(f"toss {stored.toss.toss_id}: {stored.toss.frames} frames, {stored.toss.duration:.2f} s")
         if self._journal is not None and (tosses or rejected):
             last = tosses[-1].sequence if tosses else 0
