@@ -24,14 +24,14 @@ from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.pose_noise import RIG
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
-from contact_curation.nodes.messages.toss_bytes import toss_bytes
+from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_bytes
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
 from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import READ_TYPES, PoseTopics, Received
-from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Inbox, Latest, Worker
 from contact_curation.stages.ingest import Arrival, IngestJournal
@@ -81,10 +81,11 @@ class PoseIngest(ManagedNode):
             f"poses come faster than they are processed: {MOST_WAITING} wait here, and up to {depth} more in the middleware, "
             "which drops the oldest beyond that; play more slowly, or raise queue_depth"
         )
-        self._worker = Worker(self.fail)
+        self._worker, self._syncing = Worker(self.fail), Worker(self.fail)
         self._taking = Latest(self._worker, self._take)
         self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
         self._rejected = self.create_publisher(TossRejected, "toss_rejected", latched(RESULTS_DEPTH))
+        self._expected = self.create_publisher(TossMessage, EXPECTED_TOSS, profile(1, reliable=True, latched=False))
         self._tracked = self.create_publisher(Bool, "tracked", latched(1))
         self._said_tracked: bool | None = None
         self.create_service(GetTosses, "get_tosses", self._get_tosses)
@@ -99,6 +100,7 @@ class PoseIngest(ManagedNode):
 
     def close(self) -> None:
         self._worker.stop()
+        self._syncing.stop()
         self._store.close()
 
     def _look(self) -> None:
@@ -140,6 +142,9 @@ class PoseIngest(ManagedNode):
     def _store_and_announce(self, journal: IngestJournal, arrivals: Sequence[Arrival]) -> None:
         happened = journal.take(arrivals)
         self._announce(happened.tosses, happened.rejected)
+        if not self._inbox and (expected := journal.expected()) is not None:
+            self._expected.publish(toss_bytes(expected, 0, self._poses.board_frame))
+            self._syncing.do(journal.sync_ahead)
         if self._ingest is not None and (noise := self._ingest.noise_done) and self._ingest.tracker != self._tracker:
             self._tracker = self._ingest.tracker
             self.get_logger().info(noise)

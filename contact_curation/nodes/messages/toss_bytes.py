@@ -20,6 +20,10 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.nodes.messages.headers import Stamped, header_message
 
+EXPECTED_TOSS = "_expected_toss"
+"""Topic with the toss that the next pose will complete, sent so that most of it is scored by then. Its number is 0, its last
+velocities are not known yet, and no gate has seen it. A hidden topic, and nobody has to hear it."""
+
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 
 
