@@ -226,7 +226,7 @@ class BegunToss:
     def score(self, toss: Toss) -> TossInformation | NotScored:
         """The same bits as `Scorer.score` of the complete toss; if it is another one, it is scored from the beginning."""
         rows = self.scorer._rows([toss])
-        known, found = ((each.before, each.after[:-1], each.after[-1, :7], each.dt) for each in (self.rows, rows))
+        known, found = ((each.before, each.after[:-1], each.dt) for each in (self.rows, rows))
         if not all(map(np.array_equal, known, found)):
             return self.scorer.score([toss])[0]
         last = slice(-1, None)
