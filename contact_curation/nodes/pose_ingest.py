@@ -7,12 +7,14 @@ can be requested. Active again it goes on as after an interruption of the poses.
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossRejected
 from contact_curation_msgs.srv import GetTosses
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Bool
 
@@ -81,14 +83,14 @@ class PoseIngest(ManagedNode):
             f"poses come faster than they are processed: {MOST_WAITING} wait here, and up to {depth} more in the middleware, "
             "which drops the oldest beyond that; play more slowly, or raise queue_depth"
         )
-        self._worker, self._syncing = Worker(self.fail), Worker(self.fail)
+        self._worker, self._aside = Worker(self.fail), Worker(self.fail)
         self._taking = Latest(self._worker, self._take)
         self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
         self._rejected = self.create_publisher(TossRejected, "toss_rejected", latched(RESULTS_DEPTH))
         self._expected = self.create_publisher(TossMessage, EXPECTED_TOSS, profile(1, reliable=True, latched=False))
         self._tracked = self.create_publisher(Bool, "tracked", latched(1))
         self._said_tracked: bool | None = None
-        self.create_service(GetTosses, "get_tosses", self._get_tosses)
+        self.create_service(GetTosses, "get_tosses", self._asked_for, callback_group=ReentrantCallbackGroup())
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
         self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, "poses", self._health, self._body.name)
@@ -100,7 +102,7 @@ class PoseIngest(ManagedNode):
 
     def close(self) -> None:
         self._worker.stop()
-        self._syncing.stop()
+        self._aside.stop()
         self._store.close()
 
     def _look(self) -> None:
@@ -144,7 +146,7 @@ class PoseIngest(ManagedNode):
         self._announce(happened.tosses, happened.rejected)
         if not self._inbox and (expected := journal.expected()) is not None:
             self._expected.publish(toss_bytes(expected, 0, self._poses.board_frame))
-            self._syncing.do(journal.sync_ahead)
+            self._aside.do(journal.sync_ahead)
         if self._ingest is not None and (noise := self._ingest.noise_done) and self._ingest.tracker != self._tracker:
             self._tracker = self._ingest.tracker
             self.get_logger().info(noise)
@@ -164,7 +166,11 @@ class PoseIngest(ManagedNode):
             last = tosses[-1].sequence if tosses else 0
             self._journal.announced(last, rejected[-1].sequence if rejected else 0)
 
+    async def _asked_for(self, request: Any, response: Any) -> Any:
+        return await self.done_by(self._aside, partial(self._get_tosses, request, response))
+
     def _get_tosses(self, request: Any, response: Any) -> Any:
+        """Responds with a page of tosses; beside the worker, on a thread that keeps neither poses nor callbacks waiting."""
         wanted = list(request.toss_ids)
         response.last_sequence = self._store.last_sequence
         limit = min(request.limit or LARGEST_PAGE, LARGEST_PAGE)
