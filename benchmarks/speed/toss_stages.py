@@ -16,7 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from rclpy.serialization import serialize_message
+from contact_curation_msgs.msg import Toss as TossMessage
+from rclpy.serialization import deserialize_message, serialize_message
 
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -29,7 +30,8 @@ from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.lead_in import surrounded
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.motion.toss import Toss
+from contact_curation.nodes.messages.toss import toss_message, toss_of
 from contact_curation.nodes.messages.toss_bytes import toss_bytes, toss_in
 from contact_curation.nodes.messages.toss_information import information_message
 from contact_curation.stages.ingest import Arrival, IngestJournal
@@ -81,6 +83,7 @@ class Stages:
         (one,) = batch.new
         message = self._timed("information to message", lambda: information_message(one.information, 1, one.stamped))
         self._timed("message to bytes", lambda: serialize_message(message))
+        self._timed("for comparison: objects to bytes and back", lambda: _through_objects(stored.toss))
         self._timed("for comparison: score the whole toss", lambda: self._scorer.score([toss]))
 
     def _timed[R](self, step: str, work: Callable[[], R]) -> R:
@@ -88,6 +91,10 @@ class Stages:
         result = work()
         self.times.setdefault(step, []).append((time.thread_time_ns() - began) * 1e-6)
         return result
+
+
+def _through_objects(toss: Toss) -> Toss:
+    return toss_of(deserialize_message(serialize_message(toss_message(toss, 1, BOARD)), TossMessage))
 
 
 def poses(count: int) -> Iterator[FramePose]:
