@@ -1,6 +1,6 @@
 """Random histories of a world: which steps come, and with which values, follows from a number; one that fails is shortened.
 
-Hypothesis could do it, too, at ten times the cost: it draws each value through its engine, where a step costs less than a draw.
+Hypothesis could do it, too, but its engine takes longer than the steps do.
 """
 
 import gc
