@@ -144,6 +144,15 @@ def test_a_board_that_is_logged_late_costs_no_toss(tmp_path: Path, places: int) 
     assert kinds(items) == ["Toss", "Toss"]
 
 
+def test_messages_that_are_logged_up_to_a_fifth_of_a_second_late_each_cost_no_toss(tmp_path: Path) -> None:
+    board, *sent = tagslam()
+    late = (1e9 * np.random.default_rng(3).uniform(0.0, 0.2, len(sent))).astype(np.int64).tolist()
+    logged = [one._replace(log_time_ns=one.log_time_ns + by) for one, by in zip(sent, late, strict=True)]
+    bag = write_ours(tmp_path / "late.mcap", [board, *sorted(logged, key=lambda one: one.log_time_ns)])
+    items, _ = opened(bag)
+    assert [kind for kind in kinds(items) if kind != "Problem"] == ["Toss", "Toss"], lines(items)
+
+
 @pytest.mark.parametrize("size", [2e-3, 3e-3])
 def test_stamps_that_jitter_by_milliseconds_in_a_recording_cost_no_toss_and_exchange_no_poses(
     tmp_path: Path, size: float
