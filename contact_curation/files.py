@@ -81,7 +81,7 @@ def parse_yaml(text: str, loader: type[yaml.SafeLoader] = yaml.SafeLoader) -> An
         raise ValueError("a value is too large or not of the kind that its tag names") from error
 
 
-class _OnceLoader(yaml.SafeLoader):
+class _OnceLoader(yaml.SafeLoader):  # type: ignore[misc]
     """Refuses a key that stands in a mapping twice, as YAML itself does: a hand wrote it, and meant one of the two values."""
 
     def compose_mapping_node(self, anchor: Any) -> Any:

@@ -66,6 +66,12 @@ FAILED: dict[str, History] = {
         ("come_to_rest",),
         ("lose_power", ("keeper",)),
     ),
+    "a message of a store that is gone comes before those of the next one": (
+        ("begin", False, 1.0),
+        ("cut",),
+        ("remove", "keeper"),
+        ("cut",),
+    ),
 }
 """Histories that failed once, by what they showed."""
 
