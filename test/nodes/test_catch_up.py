@@ -241,3 +241,47 @@ def test_a_source_that_was_away_and_lost_its_last_records_is_taken_from_the_star
     server.tick()
     hand.work()
     assert taken == [*expected(1, 10), *expected(1, 7), *expected(8, 12, "other")]
+
+
+def test_a_late_message_of_a_store_that_was_re_created_does_not_stand_for_the_new_one_s() -> None:
+    server = Server(0)
+    _, hand, taken = following(server)
+    server.announce(1, "former")
+    server.stored = []
+    server.announce(1, "new")
+    server.announce(2, "new")
+    hand.work()
+    assert taken == ["former-1", "new-1", "new-2"]
+
+
+def test_a_repetition_costs_a_question_and_nothing_else() -> None:
+    server = Server(0)
+    _, hand, taken = following(server)
+    for number in (1, 2, 3):
+        server.announce(number)
+    server.heard(numbered(3))
+    assert server.questions == 0
+    server.heard(numbered(2))
+    hand.work()
+    assert server.questions == 1
+    server.announce(4)
+    hand.work()
+    assert (taken, server.questions) == (expected(1, 4), 1)
+
+
+def test_what_is_doubted_while_a_question_is_under_way_is_asked_again() -> None:
+    server = Server(3)
+    following_it, hand, taken = following(server)
+    server.tick()
+    hand.work()
+    server.alive = False
+    server.tick()
+    answer = following_it._asked
+    server.stored = [numbered(number, "new") for number in (1, 2, 3, 4)]
+    server.heard(server.stored[0])
+    server.alive = True
+    assert answer is not None
+    answer._response = SimpleNamespace(items=server.stored[3:], last_sequence=4)  # type: ignore[attr-defined]
+    following_it._answered(answer)
+    hand.work()
+    assert taken == [*expected(1, 3), *expected(1, 4, "new")]
