@@ -6,6 +6,7 @@ tosses scatter more than their errors explain, they differ: dust, a worn face, a
 coefficient then describes the mean of the tosses that it was learned from, and informative tosses may be far from it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -42,7 +43,7 @@ class Sliding:
         return float(np.sqrt(max(scatter**2 - float(np.median(self.error)) ** 2, 0.0)) / middle)
 
 
-def sliding(tosses: tuple[Toss, ...], radius: float, gravity: float) -> Sliding:
+def sliding(tosses: Sequence[Toss], radius: float, gravity: float) -> Sliding:
     """Frictions of those tosses that slide.
 
     Args:
