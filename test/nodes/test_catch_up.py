@@ -4,6 +4,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.stages.records import Cursor
 
@@ -28,7 +29,7 @@ class Server:
     def create_client(self, service: Any, name: str) -> "Server":
         return self
 
-    def create_subscription(self, kind: Any, topic: str, heard: Callable[[Any], None], qos: Any) -> None:
+    def create_subscription(self, kind: Any, topic: str, heard: Callable[[Any], None], qos: Any, raw: bool) -> None:
         self.heard = heard
 
     def create_timer(self, period: float, tick: Callable[[], None], clock: Any) -> None:
@@ -88,10 +89,11 @@ def following(
     server: Server,
     cursor: Cursor = Cursor(),  # noqa: B008  (immutable)
     caught_up: Callable[[], None] = lambda: None,
+    read: Callable[[bytes], Any] | None = None,
 ) -> tuple[CatchUp, Hand, list[str]]:
     hand, taken = Hand(), list[str]()
     request = SimpleNamespace(Request=lambda after_sequence, limit: SimpleNamespace(after_sequence=after_sequence, limit=limit))
-    source = Source(object, "topic", request, "service", "items", PAGE)
+    source = Source(object, "topic", request, "service", "items", PAGE, read)
 
     def handle(messages: Any, _: Cursor) -> None:
         taken.extend(message.toss_id for message in messages)
@@ -99,6 +101,23 @@ def following(
     node: Any = server
     worker: Any = hand
     return CatchUp(node, worker, source, cursor, handle, caught_up), hand, taken
+
+
+def read_numbered(data: bytes) -> SimpleNamespace:
+    if not data:
+        raise InvalidValueError("bytes", "none", "a number")
+    return numbered(int(data))
+
+
+def test_what_cannot_be_read_on_the_topic_comes_from_the_service() -> None:
+    server = Server(0)
+    _, hand, taken = following(server, read=read_numbered)
+    server.stored = [numbered(1), numbered(2)]
+    server.heard(b"1")
+    assert server.questions == 0
+    server.heard(b"")
+    hand.work()
+    assert (taken, server.questions) == (expected(1, 2), 1)
 
 
 def expected(first: int, last: int, kind: str = "toss") -> list[str]:
