@@ -65,7 +65,8 @@ class Windows:
         offsets = moved[..., :3] - self.measured[:, 1:, :3]
         turns = quaternions.multiply(quaternions.conjugate(self.measured[:, 1:, 3:7]), moved[..., 3:7])
         errors = np.concatenate([offsets, self.body.length_scale * quaternions.log(turns)], axis=-1)[self.seen[:, 1:]]
-        return np.clip(np.nan_to_num(errors / self._deviations[:, None], nan=WORST), -WORST, WORST).ravel()
+        scaled = np.nan_to_num(errors / self._deviations[:, None], nan=WORST)
+        return np.asarray(np.clip(scaled, -WORST, WORST)).ravel()
 
     def misfit(self, box: IdentifiedBox) -> float:
         """The sum of sqrt(1 + r^2) - 1: squares where residuals are small, moduli where they are not."""
