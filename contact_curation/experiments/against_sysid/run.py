@@ -100,7 +100,7 @@ def against_row(cell: Against) -> Row:
 
 
 def _reset_peak() -> float:
-    """Has the peak of this process's memory begin anew; returns what it has now [MiB], NaN where Linux refuses."""
+    """Resets the peak of this process's memory and returns what it uses now [MiB]; NaN where Linux refuses."""
     try:
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
