@@ -95,7 +95,8 @@ def against_row(cell: Against) -> Row:
     except FAILURES as error:
         return {"failed": str(error) or type(error).__name__}
     contact = dict(zip(("contact_time", "damping_ratio"), found.contact or (np.nan, np.nan), strict=True))
-    spent: Row = {"fit_seconds": round(seconds, 4), "memory": round(peak - before, 1), "evaluations": float(found.evaluations)}
+    memory = round(max(peak - before, 0.0), 1)
+    spent: Row = {"fit_seconds": round(seconds, 4), "memory": memory, "evaluations": float(found.evaluations)}
     return {"failed": "", **judged, **said, **contact, **spent}
 
 
