@@ -4,6 +4,7 @@
 """
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -96,6 +97,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 @says_what_to_install
 def _run(words: list[str]) -> int:
     parser = build_parser(words or os.environ.get("COMP_LINE", "").split())
+    gc.freeze()  # what was imported stays: the garbage collector need not look through it again and again
     _complete(parser)
     arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)

@@ -83,6 +83,7 @@ class CompiledRows(KernelStructure):
         ("iterations", ctypes.c_void_p),
         ("fisher", ctypes.c_void_p),
         ("score_sum", ctypes.c_void_p),
+        ("weights", ctypes.c_void_p),
     )
 
 
@@ -103,6 +104,7 @@ def run(
     starts: NDArray[np.int64],
     estimator: int = 0,
     influence_bound: float = np.inf,
+    weights: Array | None = None,
     **outputs: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | NDArray[np.int32],
 ) -> None:
     """Fills the outputs that are given.
@@ -113,6 +115,7 @@ def run(
         starts: (K + 1,) edges of the tosses, or of the pieces that threads take.
         estimator: of Fisher matrices, 1 empirical, 2 Gauss-Newton; 0 for no such matrices.
         influence_bound: as in `evaluation.fisher_sums`.
+        weights: (N,) likewise; successive transitions of a toss with the same weight are summed before they are weighted.
         outputs: contiguous arrays by the job's names.
     """
     model = CompiledModel(geometry, body, config)
@@ -127,6 +130,7 @@ def run(
         max_iterations=config.max_iterations,
         residual_tolerance=config.tolerance,
         influence_bound=influence_bound,
+        weights=None if weights is None else weights.ctypes.data,
         **{name: value.ctypes.data for name, value in outputs.items()},
     )
     addresses = ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows)

@@ -66,10 +66,11 @@ std::string model_structure() {
 
 std::string evaluation_structure() {
   using Type = Evaluation;
-  return structure("Evaluation", sizeof(Type),
-                   {FIELD(before), FIELD(after), FIELD(dt), FIELD(starts), FIELD(tosses), FIELD(threads), FIELD(estimator),
-                    FIELD(max_iterations), FIELD(residual_tolerance), FIELD(influence_bound), FIELD(terms), FIELD(impulse),
-                    FIELD(score), FIELD(residual), FIELD(status), FIELD(iterations), FIELD(fisher), FIELD(score_sum)});
+  return structure(
+      "Evaluation", sizeof(Type),
+      {FIELD(before), FIELD(after), FIELD(dt), FIELD(starts), FIELD(tosses), FIELD(threads), FIELD(estimator),
+       FIELD(max_iterations), FIELD(residual_tolerance), FIELD(influence_bound), FIELD(terms), FIELD(impulse), FIELD(score),
+       FIELD(residual), FIELD(status), FIELD(iterations), FIELD(fisher), FIELD(score_sum), FIELD(weights)});
 }
 
 std::string moments_structure() {
