@@ -83,7 +83,6 @@ class CompiledRows(KernelStructure):
         ("iterations", ctypes.c_void_p),
         ("fisher", ctypes.c_void_p),
         ("score_sum", ctypes.c_void_p),
-        ("weights", ctypes.c_void_p),
     )
 
 
@@ -130,10 +129,14 @@ def run(
         max_iterations=config.max_iterations,
         residual_tolerance=config.tolerance,
         influence_bound=influence_bound,
-        weights=None if weights is None else weights.ctypes.data,
         **{name: value.ctypes.data for name, value in outputs.items()},
     )
     addresses = ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows)
     bounce, name, number = bounce_of(geometry)
+    if weights is not None:
+        weighted = (*addresses, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double))
+        evaluate = load_kernel().function("contact_curation_evaluate_weighted", ctypes.c_int, *weighted)
+        evaluate(ctypes.byref(model), ctypes.byref(job), weights.ctypes.data, *(bounce or [None]))
+        return
     evaluate = load_kernel().function(f"contact_curation_evaluate{name}", ctypes.c_int, *addresses, *number)
     evaluate(ctypes.byref(model), ctypes.byref(job), *bounce)

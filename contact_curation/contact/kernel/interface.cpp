@@ -66,11 +66,10 @@ std::string model_structure() {
 
 std::string evaluation_structure() {
   using Type = Evaluation;
-  return structure(
-      "Evaluation", sizeof(Type),
-      {FIELD(before), FIELD(after), FIELD(dt), FIELD(starts), FIELD(tosses), FIELD(threads), FIELD(estimator),
-       FIELD(max_iterations), FIELD(residual_tolerance), FIELD(influence_bound), FIELD(terms), FIELD(impulse), FIELD(score),
-       FIELD(residual), FIELD(status), FIELD(iterations), FIELD(fisher), FIELD(score_sum), FIELD(weights)});
+  return structure("Evaluation", sizeof(Type),
+                   {FIELD(before), FIELD(after), FIELD(dt), FIELD(starts), FIELD(tosses), FIELD(threads), FIELD(estimator),
+                    FIELD(max_iterations), FIELD(residual_tolerance), FIELD(influence_bound), FIELD(terms), FIELD(impulse),
+                    FIELD(score), FIELD(residual), FIELD(status), FIELD(iterations), FIELD(fisher), FIELD(score_sum)});
 }
 
 std::string moments_structure() {
@@ -118,11 +117,12 @@ std::string world_structure() {
 
 std::string functions() {
   return FUNCTION(contact_curation_solve_cones) + FUNCTION(contact_curation_evaluate) +
-         FUNCTION(contact_curation_evaluate_bouncing) + FUNCTION(contact_curation_descend) +
-         FUNCTION(contact_curation_descend_deep) + FUNCTION(contact_curation_descend_deepvertex) +
-         FUNCTION(contact_curation_descend_end_to_end) + FUNCTION(contact_time_step) + FUNCTION(contact_time_step_bouncing) +
-         FUNCTION(contact_given_step) + FUNCTION(contact_rollout) + FUNCTION(contact_rollout_bouncing) +
-         FUNCTION(contact_curation_elementary) + FUNCTION(contact_curation_powers);
+         FUNCTION(contact_curation_evaluate_bouncing) + FUNCTION(contact_curation_evaluate_weighted) +
+         FUNCTION(contact_curation_descend) + FUNCTION(contact_curation_descend_deep) +
+         FUNCTION(contact_curation_descend_deepvertex) + FUNCTION(contact_curation_descend_end_to_end) +
+         FUNCTION(contact_time_step) + FUNCTION(contact_time_step_bouncing) + FUNCTION(contact_given_step) +
+         FUNCTION(contact_rollout) + FUNCTION(contact_rollout_bouncing) + FUNCTION(contact_curation_elementary) +
+         FUNCTION(contact_curation_powers);
 }
 
 }  // namespace

@@ -50,11 +50,12 @@ struct TossSums {
   std::vector<double> row, run_score, score;
 };
 
-void evaluate_toss(const BouncingModel &model, const Evaluation &job, int64_t toss, SolvedRows &at, TossSums &sums) {
+void evaluate_toss(const BouncingModel &model, const Evaluation &job, const double *weights, int64_t toss, SolvedRows &at,
+                   TossSums &sums) {
   const bool scores = job.score || job.score_sum || (job.fisher && job.estimator == kEmpirical);
   sums.begin();
   const int64_t begin = job.starts[toss], end = job.starts[toss + 1];
-  const auto weight_of = [&](int64_t n) { return job.weights ? job.weights[n] : 1.0; };
+  const auto weight_of = [&](int64_t n) { return weights ? weights[n] : 1.0; };
   for (int64_t first = begin; first < end; first += kLanes) {
     at.find(model, job, first, end, scores);
     const int lanes = static_cast<int>(std::min<int64_t>(kLanes, end - first));
@@ -90,13 +91,13 @@ void evaluate_toss(const BouncingModel &model, const Evaluation &job, int64_t to
   sums.store(job, toss);
 }
 
-int evaluate(const BouncingModel &model, const Evaluation &job) {
+int evaluate(const BouncingModel &model, const Evaluation &job, const double *weights = nullptr) {
   if (model.contacts < 1 || model.contacts > kMaxContacts) return 1;
   std::atomic<int64_t> next{0};
   const auto work = [&] {
     auto rows = std::make_unique<SolvedRows>();
     TossSums sums(model, parameter_count(model));
-    for (int64_t toss = next++; toss < job.tosses; toss = next++) evaluate_toss(model, job, toss, *rows, sums);
+    for (int64_t toss = next++; toss < job.tosses; toss = next++) evaluate_toss(model, job, weights, toss, *rows, sums);
   };
   const int threads = std::max(1, std::min<int>(job.threads, static_cast<int>(job.tosses)));
   std::vector<std::thread> pool;
@@ -117,4 +118,10 @@ extern "C" int contact_curation_evaluate(const contact_curation::PolytopeModel *
 extern "C" int contact_curation_evaluate_bouncing(const contact_curation::PolytopeModel *model,
                                                   const contact_curation::Evaluation *job, const double *restitution) {
   return contact_curation::evaluate({*model, restitution}, *job);
+}
+
+extern "C" int contact_curation_evaluate_weighted(const contact_curation::PolytopeModel *model,
+                                                  const contact_curation::Evaluation *job, const double *weights,
+                                                  const double *restitution) {
+  return contact_curation::evaluate({*model, restitution}, *job, weights);
 }

@@ -28,7 +28,6 @@ struct Evaluation {
   int32_t *iterations;     // (N,)
   double *fisher;          // (T, P, P)
   double *score_sum;       // (T, P)
-  const double *weights;   // (N,) of the squared residuals in the two sums; null for 1
 };
 
 struct SolvedRows {
