@@ -21,8 +21,13 @@ struct TossSums {
       : profile(model), parameters(width), stride(profile.stride()), run(stride * stride), fisher(run), row(stride),
         run_score(row), score(row) {}
 
-  void begin() {
+  // Begins with what the job's sums are already, as the first run or before it.
+  void begin(const Evaluation &job, int64_t toss, bool weighted) {
     for (std::vector<double> *sum : {&run, &fisher, &run_score, &score}) std::fill(sum->begin(), sum->end(), 0.0);
+    std::vector<double> &matrix = weighted ? fisher : run, &sum = weighted ? score : run_score;
+    if (job.score_sum) std::copy_n(job.score_sum + toss * parameters, parameters, sum.begin());
+    const double *given = job.fisher ? job.fisher + toss * parameters * parameters : nullptr;
+    for (int a = 0; given && a < parameters; ++a) std::copy_n(given + a * parameters, a + 1, matrix.begin() + a * stride);
   }
 
   // Ends a run of transitions of one weight, whose squares count in a matrix of outer products of scores.
@@ -53,7 +58,7 @@ struct TossSums {
 void evaluate_toss(const BouncingModel &model, const Evaluation &job, const double *weights, int64_t toss, SolvedRows &at,
                    TossSums &sums) {
   const bool scores = job.score || job.score_sum || (job.fisher && job.estimator == kEmpirical);
-  sums.begin();
+  sums.begin(job, toss, weights != nullptr);
   const int64_t begin = job.starts[toss], end = job.starts[toss + 1];
   const auto weight_of = [&](int64_t n) { return weights ? weights[n] : 1.0; };
   for (int64_t first = begin; first < end; first += kLanes) {
@@ -87,7 +92,7 @@ void evaluate_toss(const BouncingModel &model, const Evaluation &job, const doub
                          sums.stride);
     }
   }
-  if (end > begin) sums.weigh(weight_of(end - 1), job.estimator == kEmpirical);
+  sums.weigh(end > begin ? weight_of(end - 1) : 1.0, job.estimator == kEmpirical);
   sums.store(job, toss);
 }
 
