@@ -81,5 +81,5 @@ def test_a_slower_prior_draws_the_same_throws_at_a_share_of_their_speeds_and_spi
 
 @pytest.mark.parametrize("share", [0.0, -1.0, float("nan")])
 def test_a_share_of_speeds_that_is_none_is_refused(share: float) -> None:
-    with pytest.raises(InvalidValueError, match="prior.speed"):
+    with pytest.raises(InvalidValueError, match=r"prior\.speed"):
         PriorConfig(speed=share)

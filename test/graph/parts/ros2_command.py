@@ -10,6 +10,7 @@ A node that is run gets the words of the variable ROS2_RUN_MORE, too. Answers ar
 import os
 import shlex
 import sys
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -69,7 +70,7 @@ def main() -> None:
     if sys.argv[1] == "run":
         run(*sys.argv[2:])
     words = sys.argv[1:]
-    verbs = {"service call": call, "action send_goal": send_goal}
+    verbs: dict[str, Callable[..., Any]] = {"service call": call, "action send_goal": send_goal}
     rclpy.init(args=[])
     answer = verbs[" ".join(words[:2])](Node("ros2_command"), *words[2:])
     sys.stdout.write(f"{answer}\n")
