@@ -19,10 +19,10 @@ from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
 from contact_curation.experiments.counterfactuals.refitted import origin_of
-from contact_curation.experiments.rules import RULES
+from contact_curation.experiments.rules import RULES, Rule
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.pool import pool_of
-from contact_curation.information.ranker import rank_particles
+from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.ranker import moved_by_theta, rank_particles
 from contact_curation.information.record import TossInformation
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
@@ -67,6 +67,12 @@ def _bench(body: str, seed: int) -> Bench:
     return bench_of(body, seed)
 
 
+@lru_cache(maxsize=1)
+def _start(body: str, seed: int) -> PolytopeModel:
+    """Theta_0."""
+    return origin_of(_bench(body, seed), seed, body in BOUNCING)
+
+
 def compared_row(cell: Compared) -> Row:
     """The cell's row: for each judge and error the values of all judging tosses, joined by blanks; NaN where not finite.
 
@@ -76,7 +82,7 @@ def compared_row(cell: Compared) -> Row:
     bench = _bench(cell.body, cell.seed)
     if cell.size > len(bench.training):
         raise InvalidValueError("--sizes", cell.size, f"at most {len(bench.training)}, the training tosses of {cell.body}")
-    start = origin_of(bench, cell.seed, cell.body in BOUNCING)
+    start = _start(cell.body, cell.seed)
     chosen = _selected(cell, bench, start)
     model = _fitted(start, None, bench, chosen)
     shape = shape_errors(model)
@@ -93,23 +99,39 @@ def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
     if cell.rule == ALL:
         return {toss.toss_id: 1.0 for toss in bench.training}
     once = cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
-    model, chosen = start, _chosen(cell, start, bench.training)
+    model, chosen = start, _chosen(cell, _first_pool(cell.body, cell.seed, _scored_as(cell)), bench.training)
     for _ in range(0 if once else EXACT_SELECTIONS - 1):
         model = _fitted(model, None if model is start else start, bench, chosen)
-        before, chosen = chosen, _chosen(cell, model, bench.training)
+        before, chosen = chosen, _chosen(cell, _pool(model, bench.training, _scored_as(cell)), bench.training)
         if chosen == before:
             break
     return chosen
 
 
-def _chosen(cell: Compared, model: PolytopeModel, tosses: Sequence[Toss]) -> Weights:
-    """What the rule selects at a model's theta."""
-    rule = RULES[cell.rule] if cell.rule in RULES else RULES["herding"]  # whose scores the baselines read
+def _scored_as(cell: Compared) -> Rule:
+    """A rule that reads the same scores as the cell's; of all such rules the same."""
+    rule = RULES.get(cell.rule, RULES["herding"])  # whose scores the baselines read
+    return Rule("herding" if moved_by_theta(rule.criterion) else "random", rule.estimator)
+
+
+def _pool(model: PolytopeModel, tosses: Sequence[Toss], rule: Rule) -> Pool:
+    """The tosses as a rule reads them at a model's theta."""
     scores = toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion)(model, tosses)
-    pool = pool_of(one for one in scores if isinstance(one, TossInformation))
+    return pool_of(one for one in scores if isinstance(one, TossInformation))
+
+
+@lru_cache(maxsize=3)
+def _first_pool(body: str, seed: int, rule: Rule) -> Pool:
+    """The training tosses at theta_0, for all rules and sizes that read the same scores."""
+    return _pool(_start(body, seed), _bench(body, seed).training, rule)
+
+
+def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:
+    """What the rule selects from a pool."""
     if cell.rule in BASELINES:
         return BASELINES[cell.rule](pool, tosses, cell.size, cell.seed)
-    return dict.fromkeys(sorted(rank_particles([pool], rule.ranking(cell.size, cell.seed)).selected_ids), 1.0)
+    ranking = RULES[cell.rule].ranking(cell.size, cell.seed)
+    return dict.fromkeys(sorted(rank_particles([pool], ranking).selected_ids), 1.0)
 
 
 def _fitted(model: PolytopeModel, origin: PolytopeModel | None, bench: Bench, chosen: Weights) -> PolytopeModel:
