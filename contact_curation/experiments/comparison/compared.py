@@ -1,9 +1,11 @@
 """One cell of the comparison: a rule selects tosses of a body, a polytope learns from them, and two engines predict the rest.
 
 A seed draws the third of the tosses that judges, and theta_0; both are the same for all rules. A rule selects three times, at
-theta_0 and at what was learned from its last two sets, as in `cell_run`; those that do not depend on theta once. The model is a
-polytope with one set of vertices and learned noise of impacts, fitted to the optimum. MuJoCo predicts with the convex hull of
-the learned vertices and the learned friction, without a restitution.
+theta_0 and at what was learned from its last two sets, as in `cell_run`; those that do not depend on theta once. Or all rules
+select once, at the fit to all training tosses, where information is as right as it can be, and all fits start there: then rules
+differ by their sets alone, not by where a descent ends. The model is a polytope with one set of vertices and learned noise of
+impacts, fitted to the optimum. MuJoCo predicts with the convex hull of the learned vertices and the learned friction, without a
+restitution.
 """
 
 from collections.abc import Sequence
@@ -48,12 +50,14 @@ class Compared(Planned):
         rule: one of `rules.RULES` or of `baselines.BASELINES`.
         size: how many tosses; all of them for the rule `all`.
         seed: see the module.
+        at_fit: whether it selects at the fit to all training tosses.
     """
 
     body: str
     rule: str
     size: int
     seed: int
+    at_fit: bool = False
 
     def __post_init__(self) -> None:
         for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES])):
@@ -68,9 +72,20 @@ def _bench(body: str, seed: int) -> Bench:
 
 
 @lru_cache(maxsize=1)
-def _start(body: str, seed: int) -> PolytopeModel:
+def _origin(body: str, seed: int) -> PolytopeModel:
     """Theta_0."""
     return origin_of(_bench(body, seed), seed, body in BOUNCING)
+
+
+@lru_cache(maxsize=1)
+def _start(body: str, seed: int, at_fit: bool) -> PolytopeModel:
+    """Where rules select first and fits start: theta_0, or the fit to all training tosses."""
+    bench, origin = _bench(body, seed), _origin(body, seed)
+    return _fitted(origin, None, bench, _all(bench)) if at_fit else origin
+
+
+def _all(bench: Bench) -> Weights:
+    return {toss.toss_id: 1.0 for toss in bench.training}
 
 
 def compared_row(cell: Compared) -> Row:
@@ -82,9 +97,9 @@ def compared_row(cell: Compared) -> Row:
     bench = _bench(cell.body, cell.seed)
     if cell.size > len(bench.training):
         raise InvalidValueError("--sizes", cell.size, f"at most {len(bench.training)}, the training tosses of {cell.body}")
-    start = _start(cell.body, cell.seed)
+    start, origin = _start(cell.body, cell.seed, cell.at_fit), _origin(cell.body, cell.seed) if cell.at_fit else None
     chosen = _selected(cell, bench, start)
-    model = _fitted(start, None, bench, chosen)
+    model = _fitted(start, origin, bench, chosen)
     shape = shape_errors(model)
     assert shape is not None  # of a polytope
     ours = predicted_motions(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors
@@ -97,9 +112,9 @@ def compared_row(cell: Compared) -> Row:
 
 def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
     if cell.rule == ALL:
-        return {toss.toss_id: 1.0 for toss in bench.training}
-    once = cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
-    model, chosen = start, _chosen(cell, _first_pool(cell.body, cell.seed, _scored_as(cell)), bench.training)
+        return _all(bench)
+    once = cell.at_fit or cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
+    model, chosen = start, _chosen(cell, _first_pool(cell.body, cell.seed, cell.at_fit, _scored_as(cell)), bench.training)
     for _ in range(0 if once else EXACT_SELECTIONS - 1):
         model = _fitted(model, None if model is start else start, bench, chosen)
         before, chosen = chosen, _chosen(cell, _pool(model, bench.training, _scored_as(cell)), bench.training)
@@ -121,9 +136,9 @@ def _pool(model: PolytopeModel, tosses: Sequence[Toss], rule: Rule) -> Pool:
 
 
 @lru_cache(maxsize=3)
-def _first_pool(body: str, seed: int, rule: Rule) -> Pool:
-    """The training tosses at theta_0, for all rules and sizes that read the same scores."""
-    return _pool(_start(body, seed), _bench(body, seed).training, rule)
+def _first_pool(body: str, seed: int, at_fit: bool, rule: Rule) -> Pool:
+    """The training tosses where rules select first, for all rules and sizes that read the same scores."""
+    return _pool(_start(body, seed, at_fit), _bench(body, seed).training, rule)
 
 
 def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:

@@ -12,8 +12,9 @@ from contact_curation.cli.report import print_json, warn
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.bodies import BODIES
 from contact_curation.experiments.cell_run import Row
+from contact_curation.experiments.counterfactuals.correlations import Scored, correlations, table_of
 from contact_curation.experiments.counterfactuals.refitted import Laboratory, Subset
-from contact_curation.experiments.counterfactuals.scores import datamodeling_scores, known_of
+from contact_curation.experiments.counterfactuals.scores import known_of
 from contact_curation.experiments.counterfactuals.table import read_refits, write_refits
 from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.run import make_folder
@@ -38,7 +39,7 @@ def run_counterfactuals(arguments: Arguments) -> int:
     sizes = tuple(dict.fromkeys(arguments.sizes or SIZES))
     refits = 2 * len(sizes) if arguments.quick else arguments.refits or REFITS
     bodies = tuple(dict.fromkeys(arguments.bodies or BODIES))
-    rows, run, scores, failed = list[Row](), 0, list[Row](), list[str]()
+    rows, run, scores, failed = list[Row](), 0, list[Scored](), list[str]()
     for body in bodies:
         try:
             laboratory = Laboratory.of(body).prepared()
@@ -52,8 +53,8 @@ def run_counterfactuals(arguments: Arguments) -> int:
         rows += own
         write_refits(rows, {"package version": __version__}, arguments.out / TABLE)
         stored = [row for row in read_refits(arguments.out / TABLE) if row["body"] == body]
-        scores += datamodeling_scores(known_of(laboratory), laboratory.pool.data.toss_ids, stored, BootstrapConfig())
-        write_atomically(arguments.out / SCORES, csv_of(scores))
+        scores += correlations(known_of(laboratory), laboratory.pool.data.toss_ids, stored, BootstrapConfig())
+        write_atomically(arguments.out / SCORES, csv_of(table_of(scores, BootstrapConfig())))
     if not rows:
         raise InvalidValueError("refits", "none", f"at least one ({failed[0] if failed else 'no body'})")
     without = [row for row in rows if row["failed"]]
