@@ -20,6 +20,7 @@ from contact_curation.experiments.bodies import BODIES, BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
+from contact_curation.experiments.comparison.datamodel import Datamodel, datamodel_of
 from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.experiments.rules import RULES, Rule
 from contact_curation.geometry.quaternions import Array
@@ -29,10 +30,14 @@ from contact_curation.information.record import TossInformation
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
 from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.fits.refits import RefitConfig, RefitPool
 from contact_curation.learning.training.curated import selected_transitions, toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
+from contact_curation.motion.transitions import states_of, transitions_of
+
+COUNTERFACTUAL = "counterfactual"
+"""See `datamodel`; it is always made at the fit to all training tosses."""
 
 ONCE = ("strata", "k-medoids")
 """Baselines that do not depend on theta."""
@@ -47,7 +52,7 @@ class Compared(Planned):
 
     Attributes:
         body: one of `bodies.BODIES`.
-        rule: one of `rules.RULES` or of `baselines.BASELINES`.
+        rule: one of `rules.RULES`, of `baselines.BASELINES`, or `COUNTERFACTUAL`.
         size: how many tosses; all of them for the rule `all`.
         seed: see the module.
         at_fit: whether it selects at the fit to all training tosses.
@@ -60,7 +65,7 @@ class Compared(Planned):
     at_fit: bool = False
 
     def __post_init__(self) -> None:
-        for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES])):
+        for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES, COUNTERFACTUAL])):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
 
@@ -77,7 +82,7 @@ def _origin(body: str, seed: int) -> PolytopeModel:
     return origin_of(_bench(body, seed), seed, body in BOUNCING)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=2)
 def _start(body: str, seed: int, at_fit: bool) -> PolytopeModel:
     """Where rules select first and fits start: theta_0, or the fit to all training tosses."""
     bench, origin = _bench(body, seed), _origin(body, seed)
@@ -113,6 +118,9 @@ def compared_row(cell: Compared) -> Row:
 def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
     if cell.rule == ALL:
         return _all(bench)
+    if cell.rule == COUNTERFACTUAL:
+        places = _datamodel(cell.body, cell.seed).best(cell.size, np.random.default_rng([cell.seed, cell.size, 23]))
+        return {bench.training[place].toss_id: 1.0 for place in places}
     once = cell.at_fit or cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
     model, chosen = start, _chosen(cell, _first_pool(cell.body, cell.seed, cell.at_fit, _scored_as(cell)), bench.training)
     for _ in range(0 if once else EXACT_SELECTIONS - 1):
@@ -121,6 +129,15 @@ def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
         if chosen == before:
             break
     return chosen
+
+
+@lru_cache(maxsize=1)
+def _datamodel(body: str, seed: int) -> Datamodel:
+    """What foresees sets of the training tosses."""
+    bench = _bench(body, seed)
+    data = transitions_of(bench.training, bench.body.length_scale)
+    pool = RefitPool(data, _origin(body, seed), _start(body, seed, True), RefitConfig(FIT))
+    return datamodel_of(pool, bench.training, seed)
 
 
 def _scored_as(cell: Compared) -> Rule:

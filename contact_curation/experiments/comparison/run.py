@@ -13,7 +13,7 @@ from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.bodies import BODIES
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.comparison.baselines import BASELINES
-from contact_curation.experiments.comparison.compared import Compared, compared_row
+from contact_curation.experiments.comparison.compared import COUNTERFACTUAL, Compared, compared_row
 from contact_curation.experiments.comparison.intervals import differences
 from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.run import make_folder
@@ -26,7 +26,7 @@ from contact_curation.version import __version__
 
 SIZES, SEEDS = (4, 8, 16, 32), 10
 CRITERIA = ("random", "longest", "trace", "log-det", "v-optimal", "herding", "facility-location", "representative")
-RULES_COMPARED = (*CRITERIA, *BASELINES)
+RULES_COMPARED = (*CRITERIA, *BASELINES, COUNTERFACTUAL)
 
 
 class _Done(NamedTuple):

@@ -31,6 +31,7 @@ from contact_curation.information.criteria.expected_error import CAUTION
 from contact_curation.information.pool import Indices
 from contact_curation.information.subspace import identifiable_subspace
 from contact_curation.learning.fits.polytope_sums import polytope_sums
+from contact_curation.learning.fits.refits import RefitPool
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 
@@ -64,8 +65,7 @@ def known_of(laboratory: Laboratory) -> Known:
     sums = pool.sums
     judged = polytope_sums(pool.model, laboratory.judging, Estimator.GAUSS_NEWTON, ONE_THREAD)
     empirical = polytope_sums(pool.model, pool.data, Estimator.EMPIRICAL, ONE_THREAD)
-    whole = sums.fishers.sum(axis=0)
-    turn = identifiable_subspace(whole).per_mean_toss(len(tosses))
+    turn, fishers, scores = whitened(pool)
     frames = np.diff(pool.data.starts)
     plain = {
         "trace": -np.trace(sums.fishers, axis1=1, axis2=2),
@@ -78,9 +78,16 @@ def known_of(laboratory: Laboratory) -> Known:
         "smoothness": np.array([_jerk(toss) for toss in tosses]),
     }
     return Known(
-        turn.T @ sums.fishers @ turn, sums.scores @ turn, judged.scores.sum(axis=0) @ turn, turn.T @ pool.hessian() @ turn,
+        fishers, scores, judged.scores.sum(axis=0) @ turn, turn.T @ pool.hessian() @ turn,
         turn.T @ judged.fishers.sum(axis=0) @ turn, plain,
     )  # fmt: skip
+
+
+def whitened(pool: RefitPool) -> tuple[Array, Array, Array]:
+    """(P, p) the way to coordinates where the mean Fisher matrix is the identity, the tosses' (K, p, p) and scores (K, p)."""
+    sums = pool.sums
+    turn = identifiable_subspace(sums.fishers.sum(axis=0)).per_mean_toss(len(sums.scores))
+    return turn, turn.T @ sums.fishers @ turn, sums.scores @ turn
 
 
 def _jerk(toss: Toss) -> float:
