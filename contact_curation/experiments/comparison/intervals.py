@@ -3,10 +3,10 @@
 A seed's difference is the mean over its judging tosses of rule minus baseline, on the same tosses. Seeds share tosses, and
 each has only so many judges: a resample draws seeds, and within each the judging tosses, both with replacement (Efron and
 Tibshirani 1993, section 8.3). Beside each interval stands the two-sided sign test over the seeds, which assumes no
-distribution, and the same times the number of comparisons in the table (Bonferroni).
+distribution, and the same times the number of comparisons (Bonferroni) by that measure, on that body and with the same rule.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,7 +37,12 @@ def differences(rows: Sequence[Row], config: BootstrapConfig) -> list[Row]:
                 others = cells.get((body, size, other), {})
                 if other != rule and others.keys() & own.keys():
                     found.append({**head, "minus": other, **_difference(own, others, measure, config)})
-    return [row | {"p_bonferroni": min(1.0, len(found) * float(row["p_sign"]))} for row in found]
+    counts = Counter(map(_family, found))
+    return [row | {"p_bonferroni": min(1.0, counts[_family(row)] * float(row["p_sign"]))} for row in found]
+
+
+def _family(row: Row) -> tuple[str, ...]:
+    return tuple(str(row[name]) for name in ("body", "measure", "minus"))
 
 
 def _difference(own: dict[float, Row], others: dict[float, Row], measure: str, config: BootstrapConfig) -> Row:

@@ -4,6 +4,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import torch
 
 from contact_curation.cli.options.types import Arguments
@@ -14,7 +15,8 @@ from contact_curation.experiments.bodies import BODIES
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.comparison.baselines import BASELINES
 from contact_curation.experiments.comparison.compared import COUNTERFACTUAL, Compared, compared_row
-from contact_curation.experiments.comparison.intervals import differences
+from contact_curation.experiments.comparison.intervals import AGAINST, MEASURES, differences
+from contact_curation.experiments.comparison.page import pages_of
 from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.run import make_folder
 from contact_curation.experiments.tables import csv_of
@@ -53,7 +55,7 @@ def run_comparison(arguments: Arguments) -> int:
     rows = [{**cell.fields, **row} for cell in cells if cell.key in ledger for row in ledger.rows(cell.key)]
     if not rows:
         raise InvalidValueError("finished cells", "none", f"at least one ({next(iter(failed), 'no cell')})")
-    paths = arguments.out / "rows.csv", arguments.out / "differences.csv"
+    paths = tuple(arguments.out / name for name in ("rows.csv", "differences.csv", "means.csv", "tables.md"))
     _write(rows, *paths)
     warn(list(failed))
     seconds = round(time.monotonic() - began, 1)
@@ -91,6 +93,15 @@ def finished(cell: Compared, advance: Advance) -> _Done:
     return _Done(row, error, time.process_time() - began)
 
 
-def _write(rows: list[Row], table: Path, summary: Path) -> None:
-    write_atomically(table, csv_of(rows))
-    write_atomically(summary, csv_of(differences(rows, BootstrapConfig())))
+def _write(rows: list[Row], whole: Path, summary: Path, means: Path, page: Path) -> None:
+    table = differences(rows, BootstrapConfig())
+    write_atomically(whole, csv_of(rows))
+    write_atomically(summary, csv_of(table))
+    write_atomically(means, csv_of([_mean_over_judges(row) for row in rows]))
+    write_atomically(page, pages_of(rows, table, AGAINST[0]).encode())
+
+
+def _mean_over_judges(row: Row) -> Row:
+    """The row with a mean in place of the values of all judging tosses."""
+    means = {name: f"{np.nanmean(np.array(str(row[name]).split(), dtype=float)):.6g}" for name in MEASURES}
+    return {name: value for name, value in row.items() if name != "selected"} | means

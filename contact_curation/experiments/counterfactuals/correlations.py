@@ -2,8 +2,8 @@
 
 A score foresees for each subset how bad the model is that learns from it; over the random subsets of one size this is compared
 with the measured outcome by Spearman's rank correlation: 1 is a perfect order, 0 none. Intervals are percentiles over resampled
-subsets, whose ranks are those among all. The rows of the body `all` have the mean over bodies and sizes: each cell of the table
-is resampled, and the mean of these correlations has the interval.
+subsets, whose ranks are those among all. The rows of the body `all` have the mean over bodies, at all sizes that each of them
+has: each is resampled, and the mean of these correlations has the interval.
 """
 
 from collections import defaultdict
@@ -74,10 +74,11 @@ def correlations(known: Known, ids: Sequence[str], rows: Sequence[Row], config: 
 
 
 def table_of(found: Sequence[Scored], config: BootstrapConfig) -> list[Row]:
-    """A row for each correlation, and one for the mean of each outcome and score over bodies and sizes."""
+    """A row for each correlation, and one for the mean of each outcome and score over bodies and the sizes that all have."""
+    shared = set.intersection(*({one.size for one in found if one.body == body} for body in {one.body for one in found}))
     groups: defaultdict[tuple[str, str], list[Scored]] = defaultdict(list)
     for one in found:
-        if np.isfinite(one.correlation.value):
+        if one.size in shared and np.isfinite(one.correlation.value):
             groups[one.outcome, one.score].append(one)
     means = [_mean(each) for each in groups.values()]
     return [_row(one, config) for one in [*found, *means]]

@@ -13,6 +13,7 @@ from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.bodies import BODIES
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.counterfactuals.correlations import Scored, correlations, table_of
+from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.refitted import Laboratory, Subset
 from contact_curation.experiments.counterfactuals.scores import known_of
 from contact_curation.experiments.counterfactuals.table import read_refits, write_refits
@@ -28,7 +29,7 @@ from contact_curation.version import __version__
 SIZES, REFITS = (16, 32), 400
 """Tosses of a subset, and refits of a body, half of them of each size."""
 
-TABLE, SCORES = "counterfactuals.parquet", "datamodeling_scores.csv"
+TABLE, SCORES, PAGE = "counterfactuals.parquet", "datamodeling_scores.csv", "tables.md"
 
 
 def run_counterfactuals(arguments: Arguments) -> int:
@@ -54,7 +55,9 @@ def run_counterfactuals(arguments: Arguments) -> int:
         write_refits(rows, {"package version": __version__}, arguments.out / TABLE)
         stored = [row for row in read_refits(arguments.out / TABLE) if row["body"] == body]
         scores += correlations(known_of(laboratory), laboratory.pool.data.toss_ids, stored, BootstrapConfig())
-        write_atomically(arguments.out / SCORES, csv_of(table_of(scores, BootstrapConfig())))
+        table = table_of(scores, BootstrapConfig())
+        write_atomically(arguments.out / SCORES, csv_of(table))
+        write_atomically(arguments.out / PAGE, page_of(table).encode())
     if not rows:
         raise InvalidValueError("refits", "none", f"at least one ({failed[0] if failed else 'no body'})")
     without = [row for row in rows if row["failed"]]
@@ -68,13 +71,13 @@ def run_counterfactuals(arguments: Arguments) -> int:
         "failed_refits": len(without),
         "processor_seconds_per_refit": round(spent, 3),
         "seconds": round(time.monotonic() - began, 1),
-        "files": [str(arguments.out / name) for name in (TABLE, SCORES)],
+        "files": [str(arguments.out / name) for name in (TABLE, SCORES, PAGE)],
     }
     if arguments.json:
         print_json(report)
     else:
         print(f"counterfactuals: {counted(len(rows), 'refit')} ({spent:.2f} s of processor time each), {run} run now")
-        print("\n".join(str(arguments.out / name) for name in (TABLE, SCORES)))
+        print("\n".join(str(arguments.out / name) for name in (TABLE, SCORES, PAGE)))
     return 1 if failed else 0
 
 
