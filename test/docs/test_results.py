@@ -9,6 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from contact_curation.experiments.cell_run import Row
+from contact_curation.experiments.comparison.page import pages_of
+from contact_curation.experiments.counterfactuals.correlations import correlations, table_of
+from contact_curation.experiments.counterfactuals.page import page_of
+from contact_curation.experiments.counterfactuals.table import read_refits
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE, ROWS = DOCS / "results.md", DOCS / "results"
 COLUMNS = {
@@ -268,20 +275,48 @@ def test_the_tables_of_bodies_that_bounce_are_medians_of_their_rows() -> None:
 
 
 def test_the_correlations_of_scores_with_outcomes_are_those_of_the_stored_table() -> None:
-    found = {(row["body"], row["size"], row["outcome"], row["score"]): row for row in rows("datamodeling_scores")}
-    counted = 0
-    for body, subsets, table in re.findall(
-        r"^`(\w+)`, (\d+) subsets of each size:\n\n(.*?)\n\n",
-        section("What foresees the error of a subset") + "\n",
-        re.DOTALL | re.MULTILINE,
-    ):
-        heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
-        for score, *cells in lines:
-            for (outcome, size), cell in zip((head.split(", ") for head in heads[1:]), cells, strict=True):
-                row = found[body, size, outcome, score]
-                assert row["subsets"] == subsets
-                numbers = [float(row[name]) for name in ("spearman", "low", "high")]
-                said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
-                assert said == pytest.approx(numbers, abs=0.0051), (body, score, outcome, size)
-                counted += 1
-    assert counted == 12 * 4 * len({row["body"] for row in rows("datamodeling_scores")})
+    page, text = page_of(as_rows("datamodeling_scores")), section("What foresees the error of a subset")
+    tables = page.split("\n\n`")
+    assert len(tables) > 2
+    assert [table.strip().removeprefix("`") for table in tables if table.strip().removeprefix("`") not in text] == []
+
+
+def test_the_stored_correlations_are_those_of_the_stored_refits() -> None:
+    refits, stored = read_refits(ROWS / "counterfactuals.parquet"), rows("datamodeling_scores")
+    assert (ROWS / "counterfactuals.parquet").stat().st_size < 4e6
+    few = BootstrapConfig(resamples=10)
+    found = [one for body in {row["body"] for row in refits}
+             for one in correlations([row for row in refits if row["body"] == body], few)]  # fmt: skip
+    made = {(row["body"], row["size"], row["outcome"], row["score"]): row for row in table_of(found, few)}
+    assert len(made) == len(stored)
+    for row in stored:
+        one = made[row["body"], float(row["size"]), row["outcome"], row["score"]]
+        assert (float(one["spearman"]), one["subsets"]) == pytest.approx(
+            (float(row["spearman"]), float(row["subsets"])), abs=1e-5, nan_ok=True
+        )
+        assert not float(row["low"]) > float(row["spearman"]) > float(row["high"])
+
+
+def as_rows(name: str) -> list[Row]:
+    return [dict(row) for row in rows(name)]
+
+
+def test_the_tables_of_rules_at_the_fit_are_those_of_the_stored_rows() -> None:
+    text = section("Which sets are best with the right noise and one geometry")
+    page = pages_of(as_rows("criteria_at_fit"), as_rows("criteria_at_fit_differences"), "random")
+    tables = page.split("\n\n`")
+    assert len(tables) > 1
+    assert [table.strip().removeprefix("`") for table in tables if table.strip().removeprefix("`") not in text] == []
+
+
+def test_the_stored_differences_are_those_of_the_stored_means() -> None:
+    means = {(row["body"], float(row["size"]), row["rule"], row["seed"]): row for row in rows("criteria_at_fit")}
+    seeds = {row["seed"] for row in rows("criteria_at_fit")}
+    for row in rows("criteria_at_fit_differences"):
+        own, others = ([float(means[row["body"], float(row["size"]), rule, seed][row["measure"]]) for seed in sorted(seeds)]
+                       for rule in (row["rule"], row["minus"]))  # fmt: skip
+        differences = np.array(own) - np.array(others)
+        assert float(row["difference"]) == pytest.approx(float(differences.mean()), abs=0.02), row
+        assert float(row["seeds_better"]) == (differences < 0.0).sum()
+        assert float(row["seeds"]) == len(seeds) >= 10
+        assert float(row["low"]) < float(row["difference"]) < float(row["high"])

@@ -15,8 +15,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.counterfactuals.scores import Known, foreseen
-from contact_curation.experiments.counterfactuals.table import OUTCOMES
+from contact_curation.experiments.counterfactuals.table import FORESEEN, OUTCOMES
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
 
@@ -50,26 +49,18 @@ class Scored(NamedTuple):
     correlation: Correlation
 
 
-def correlations(known: Known, ids: Sequence[str], rows: Sequence[Row], config: BootstrapConfig) -> list[Scored]:
-    """For each size, outcome and score.
-
-    Args:
-        known: of the training tosses.
-        ids: K, of the training tosses.
-        rows: of refits of one body.
-        config: of the intervals.
-    """
-    places = {name: place for place, name in enumerate(ids)}
+def correlations(rows: Sequence[Row], config: BootstrapConfig) -> list[Scored]:
+    """For each size, outcome and score, of the refits of one body (`table`)."""
     found: list[Scored] = []
     for size in sorted({float(row["size"]) for row in rows}):
         own = [row for row in rows if float(row["size"]) == size]
-        draw = crc32(f"{own[0]['body']} {size}".encode())
-        predicted = [foreseen(known, np.array([places[name] for name in str(row["tosses"]).split()])) for row in own]
+        body = str(own[0]["body"])
+        draw = crc32(f"{body} {size:.0f}".encode())
         for outcome in JUDGED:
             measured = np.array([float(row[outcome]) for row in own])
-            for name in predicted[0]:
-                each = rank_correlation(np.array([one[name] for one in predicted]), measured, config, draw)
-                found.append(Scored(str(own[0]["body"]), size, len(own), outcome, name, each))
+            for name in FORESEEN:
+                predicted = np.array([float(row[f"foreseen_{name}"]) for row in own])
+                found.append(Scored(body, size, len(own), outcome, name, rank_correlation(predicted, measured, config, draw)))
     return found
 
 

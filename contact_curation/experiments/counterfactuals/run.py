@@ -15,7 +15,7 @@ from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.counterfactuals.correlations import Scored, correlations, table_of
 from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.refitted import Laboratory, Subset
-from contact_curation.experiments.counterfactuals.scores import known_of
+from contact_curation.experiments.counterfactuals.scores import foreseen, known_of
 from contact_curation.experiments.counterfactuals.table import read_refits, write_refits
 from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.run import make_folder
@@ -50,11 +50,15 @@ def run_counterfactuals(arguments: Arguments) -> int:
             continue
         ledger = Ledger(arguments.out / f"{body}.jsonl", _identity(laboratory))
         run += _refit(laboratory, [one for one in subsets if one.key not in ledger], ledger, arguments.jobs, len(subsets))
-        own = [{**one.fields, **row} for one in subsets for row in ledger.rows(one.key)]
-        rows += own
+        known, tosses = known_of(laboratory), len(laboratory.bench.training)
+        rows += [
+            {**one.fields, **row, **{f"foreseen_{name}": value for name, value in foreseen(known, one.places(tosses)).items()}}
+            for one in subsets
+            for row in ledger.rows(one.key)
+        ]
         write_refits(rows, {"package version": __version__}, arguments.out / TABLE)
         stored = [row for row in read_refits(arguments.out / TABLE) if row["body"] == body]
-        scores += correlations(known_of(laboratory), laboratory.pool.data.toss_ids, stored, BootstrapConfig())
+        scores += correlations(stored, BootstrapConfig())
         table = table_of(scores, BootstrapConfig())
         write_atomically(arguments.out / SCORES, csv_of(table))
         write_atomically(arguments.out / PAGE, page_of(table).encode())
