@@ -43,6 +43,9 @@ def test_a_difference_is_paired_by_seed_and_judge() -> None:
     assert found[0]["seeds_better"] == 10.0
     assert found[0]["p_sign"] == pytest.approx(2.0**-9)
     assert float(found[0]["p_bonferroni"]) == pytest.approx(2 * 2.0**-9)  # of two rules
+    few = differences([row for row in rows if float(row["seed"]) < 9.0], CONFIG)
+    assert few[0]["difference"] == pytest.approx(-1.0, abs=0.15)
+    assert np.isnan(float(few[0]["low"]))
 
 
 def test_weights_bring_the_mean_score_near_the_pools() -> None:

@@ -25,6 +25,8 @@ def test_a_table_of_rules_has_means_and_marks_what_is_certain() -> None:
     assert "| 4 | herding | 44.0 | -1.2 (-2.0 to -0.5) | 44.0 | **-1.2** (-2.0 to -0.5) | 2.5 | 0.210 |" in ours
     assert "| 8 | herding | 88.0 |  | 88.0 |  | 2.5 | 0.210 |" in ours
     assert "friction" not in mujoco
+    few = [row | {"low": "nan", "high": "nan", "seeds": 2.0, "seeds_better": 1.0} for row in table]
+    assert "| 4 | herding | 44.0 | -1.2 (1 of 2) | 44.0 | **-1.2** (1 of 2) | 2.5 | 0.210 |" in pages_of(rows, few, "random")
 
 
 def test_a_table_of_correlations_has_a_column_for_each_outcome_and_size() -> None:

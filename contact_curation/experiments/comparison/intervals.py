@@ -17,6 +17,9 @@ from contact_curation.experiments.comparison.compared import JUDGES
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
 
+LEAST_SEEDS = 10
+"""Fewer seeds have a difference, and no interval."""
+
 AGAINST = ("random", "longest", "representative")
 """Rules that each rule is compared with."""
 
@@ -54,7 +57,8 @@ def _difference(own: dict[float, Row], others: dict[float, Row], measure: str, c
     better = sum(float(values.mean()) < 0.0 for values in each)
     ties = sum(float(values.mean()) == 0.0 for values in each)
     p = float(binomtest(better, len(each) - ties).pvalue) if len(each) > ties else 1.0
-    ends: Row = {"seeds": float(len(each)), "difference": interval.value, "low": interval.low, "high": interval.high}
+    low, high = (interval.low, interval.high) if len(each) >= LEAST_SEEDS else (np.nan, np.nan)
+    ends: Row = {"seeds": float(len(each)), "difference": interval.value, "low": low, "high": high}
     return ends | {"seeds_better": float(better), "p_sign": p}
 
 

@@ -1,4 +1,8 @@
-"""Tables of the comparison in Markdown, as docs/results.md has them: means over seeds, and differences with their intervals."""
+"""Tables of the comparison in Markdown, as docs/results.md has them: means over seeds, and differences.
+
+With a difference stands its interval, or of fewer than ten seeds the number of seeds in which it is below zero. Learned numbers
+are medians over seeds.
+"""
 
 from collections.abc import Sequence
 
@@ -58,4 +62,6 @@ def _difference(row: Row | None) -> str:
         return ""
     value = f"{float(row['difference']):+.1f}"
     value = f"**{value}**" if float(row["p_bonferroni"]) < CERTAIN else value
-    return f"{value} ({float(row['low']):+.1f} to {float(row['high']):+.1f})"
+    if np.isfinite(float(row["low"])):
+        return f"{value} ({float(row['low']):+.1f} to {float(row['high']):+.1f})"
+    return f"{value} ({float(row['seeds_better']):.0f} of {float(row['seeds']):.0f})"
