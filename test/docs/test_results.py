@@ -276,14 +276,50 @@ def test_the_tables_of_bodies_that_bounce_are_medians_of_their_rows() -> None:
 
 
 def test_the_correlations_of_scores_with_outcomes_are_those_of_the_stored_table() -> None:
-    page, text = page_of(as_rows("datamodeling_scores")), section("What foresees the error of a subset")
-    tables = page.split("\n\n`")
-    assert len(tables) > 2
-    assert [table.strip().removeprefix("`") for table in tables if table.strip().removeprefix("`") not in text] == []
+    found = {(row["body"], row["size"], row["outcome"], row["score"]): row for row in rows("datamodeling_scores")}
+    counted = 0
+    for body, subsets, table in re.findall(
+        r"^`(\w+)`, (\d+) subsets of each size:\n\n(.*?)\n\n",
+        section("What foresees the error of a subset") + "\n",
+        re.DOTALL | re.MULTILINE,
+    ):
+        heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
+        for score, *cells in lines:
+            for (outcome, size), cell in zip((head.split(", ") for head in heads[1:]), cells, strict=True):
+                row = found[body, size, outcome, score]
+                assert row["subsets"] == subsets
+                numbers = [float(row[name]) for name in ("spearman", "low", "high")]
+                said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
+                assert said == pytest.approx(numbers, abs=0.0051), (body, score, outcome, size)
+                counted += 1
+    assert counted == 12 * 4 * len({row["body"] for row in rows("datamodeling_scores")})
+
+
+def test_the_means_over_bodies_are_those_of_the_stored_correlations() -> None:
+    table = re.search(
+        r"^\| score \| loss \| rotation .*?\n\n", section("What foresees the error of a subset"), re.DOTALL | re.MULTILINE
+    )
+    assert table
+    heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table[0].strip().splitlines())
+    assert len(lines) == 10
+    for score, *cells in lines:
+        for outcome, cell in zip(heads[1:], cells, strict=True):
+            own = [row for row in rows("datamodeling_scores") if (row["score"], row["outcome"]) == (score, outcome)]
+            assert len(own) == 8
+            mean = float(np.mean([float(row["spearman"]) for row in own]))
+            half = float(np.sqrt(sum((float(row["high"]) - float(row["low"])) ** 2 for row in own))) / (2.0 * len(own))
+            said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
+            assert said == pytest.approx([mean, mean - half, mean + half], abs=0.0051), (score, outcome)
+
+
+def test_the_tables_of_stored_refits_are_those_of_their_correlations() -> None:
+    page, text = page_of(as_rows("counterfactual_scores")), section("What foresees the error of a subset")
+    tables = [table.strip().removeprefix("`") for table in page.split("\n\n`")]
+    assert [table for table in tables if table not in text] == []
 
 
 def test_the_stored_correlations_are_those_of_the_stored_refits() -> None:
-    refits, stored = read_refits(ROWS / "counterfactuals.parquet"), rows("datamodeling_scores")
+    refits, stored = read_refits(ROWS / "counterfactuals.parquet"), rows("counterfactual_scores")
     assert (ROWS / "counterfactuals.parquet").stat().st_size < 4e6
     few = BootstrapConfig(resamples=10)
     found = [one for body in {row["body"] for row in refits}
@@ -321,3 +357,14 @@ def test_the_stored_differences_are_those_of_the_stored_means() -> None:
         assert float(row["seeds_better"]) == (differences < 0.0).sum()
         assert float(row["seeds"]) == len(seeds)
         assert (len(seeds) < LEAST_SEEDS) == np.isnan(float(row["low"]))
+
+
+def test_the_frictions_of_the_rules_page_are_medians_of_the_stored_rows() -> None:
+    table = re.search(r"^\| selected at the fit \|.*?\n\n", (DOCS / "rule.md").read_text(), re.DOTALL | re.MULTILINE)
+    assert table
+    heads, _, *lines = ([cell.strip(" *") for cell in line.strip("|").split("|")] for line in table[0].strip().splitlines())
+    assert len(lines) == 7
+    for name, *cells in lines:
+        for size, cell in zip((head.split()[-1] for head in heads[1:]), cells, strict=True):
+            own = [row for row in rows("criteria_at_fit") if (row["rule"], row["size"]) == (name.split(",")[0], size)]
+            assert float(np.median([float(row["friction"]) for row in own])) == pytest.approx(float(cell), abs=0.00051), name

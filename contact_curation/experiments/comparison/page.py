@@ -33,7 +33,7 @@ def pages_of(rows: Sequence[Row], table: Sequence[Row], minus: str) -> str:
 def _page(body: str, judge: str, rows: Sequence[Row], table: Sequence[Row], minus: str) -> str:
     own = [row for row in rows if row["body"] == body]
     seeds = len({row["seed"] for row in own})
-    heads = ["selected", "rule", *(head for name in COLUMNS.values() for head in (name, f"less {minus}"))]
+    heads = ["selected", "rule", *(head for name in COLUMNS.values() for head in (name, f"difference to {minus}"))]
     heads += [head for head, _ in LEARNED.values()] if judge == JUDGES[0] else []
     differences = {(float(row["size"]), row["rule"], row["measure"]): row
                    for row in table if (row["body"], row["minus"]) == (body, minus)}  # fmt: skip

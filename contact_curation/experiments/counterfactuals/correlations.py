@@ -65,13 +65,14 @@ def correlations(rows: Sequence[Row], config: BootstrapConfig) -> list[Scored]:
 
 
 def table_of(found: Sequence[Scored], config: BootstrapConfig) -> list[Row]:
-    """A row for each correlation, and one for the mean of each outcome and score over bodies and the sizes that all have."""
-    shared = set.intersection(*({one.size for one in found if one.body == body} for body in {one.body for one in found}))
+    """A row for each correlation; of several bodies also the mean of each outcome and score, at the sizes that all have."""
+    bodies = {one.body for one in found}
+    shared = set.intersection(*({one.size for one in found if one.body == body} for body in bodies))
     groups: defaultdict[tuple[str, str], list[Scored]] = defaultdict(list)
     for one in found:
         if one.size in shared and np.isfinite(one.correlation.value):
             groups[one.outcome, one.score].append(one)
-    means = [_mean(each) for each in groups.values()]
+    means = [_mean(each) for each in groups.values()] if len(bodies) > 1 else []
     return [_row(one, config) for one in [*found, *means]]
 
 

@@ -14,25 +14,32 @@ MEANS = ("loss", "position", "rotation", "vertices")
 
 
 def page_of(table: Sequence[Row]) -> str:
-    """A table for each body, by size, and one of the means over bodies."""
-    bodies = list(dict.fromkeys(str(row["body"]) for row in table))
-    return "\n".join(_page([row for row in table if row["body"] == body], body) for body in bodies)
+    """A table by size for each body and outcome, and one of the means over bodies by outcome."""
+    pages = list[str]()
+    for body in dict.fromkeys(str(row["body"]) for row in table):
+        own = [row for row in table if row["body"] == body]
+        pages += [_means(own)] if body == ALL_BODIES else [_by_size(own, body, outcome) for outcome in SHOWN]
+    return "\n".join(pages)
 
 
-def _page(rows: Sequence[Row], body: str) -> str:
-    found = {(row["outcome"], row["size"], row["score"]): row for row in rows}
-    sizes = sorted({float(row["size"]) for row in rows})
-    columns = [(outcome, size) for outcome in (MEANS if body == ALL_BODIES else SHOWN) for size in sizes]
-    subsets = [f"{max(float(row['subsets']) for row in rows if row['size'] == size):.0f}" for size in sizes]
-    heads = ["score", *(outcome if body == ALL_BODIES else f"{outcome}, {size:.0f}" for outcome, size in columns)]
-    title = f"All bodies, {subsets[0]} subsets:" if body == ALL_BODIES else f"`{body}`, {' and '.join(subsets)} subsets:"
-    scores = dict.fromkeys(str(row["score"]) for row in rows)
-    lines = [[score, *(_cell(found.get((outcome, size, score))) for outcome, size in columns)] for score in scores]
-    return f"{title}\n\n{markdown_of(heads, lines)}"
+def _by_size(rows: Sequence[Row], body: str, outcome: str) -> str:
+    found = {(float(row["size"]), row["score"]): row for row in rows if row["outcome"] == outcome}
+    sizes = list(dict.fromkeys(size for size, _ in found))
+    subsets = " and ".join(dict.fromkeys(f"{float(row['subsets']):.0f}" for row in found.values()))
+    lines = [[score, *(_cell(found[size, score]) for size in sizes)] for score in _scores(rows)]
+    return f"`{body}`, {outcome}, {subsets} subsets:\n\n{markdown_of(['score', *(f'{size:.0f}' for size in sizes)], lines)}"
 
 
-def _cell(row: Row | None) -> str:
-    if row is None:
-        return ""
+def _means(rows: Sequence[Row]) -> str:
+    found = {(row["outcome"], row["score"]): row for row in rows}
+    lines = [[score, *(_cell(found[outcome, score]) for outcome in MEANS)] for score in _scores(rows)]
+    return f"All bodies, {float(rows[0]['subsets']):.0f} subsets:\n\n{markdown_of(['score', *MEANS], lines)}"
+
+
+def _scores(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(str(row["score"]) for row in rows))
+
+
+def _cell(row: Row) -> str:
     low, high = (float(row[name]) for name in ("low", "high"))
     return f"{float(row['spearman']):.2f} ({low:.2f} to {high:.2f})"

@@ -1,5 +1,9 @@
-"""`reproduce counterfactuals`: refits on random subsets, body by body, one line of a file each; then a table of the scores."""
+"""`reproduce counterfactuals`: refits on random subsets, body by body, one line of a file each; then a table of the scores.
 
+The tables have all refits that the folder has of these bodies, whatever sizes they were asked for with.
+"""
+
+import json
 import time
 from functools import partial
 from hashlib import sha256
@@ -53,7 +57,7 @@ def run_counterfactuals(arguments: Arguments) -> int:
         known, tosses = known_of(laboratory), len(laboratory.bench.training)
         rows += [
             {**one.fields, **row, **{f"foreseen_{name}": value for name, value in foreseen(known, one.places(tosses)).items()}}
-            for one in subsets
+            for one in (Subset(**json.loads(key)) for key in ledger.keys)
             for row in ledger.rows(one.key)
         ]
         write_refits(rows, {"package version": __version__}, arguments.out / TABLE)

@@ -33,7 +33,7 @@ def tracin(laboratory: Laboratory) -> Array:
 
 def traced(pulls: Array, scores: Array) -> Array:
     """(K,) sums of inner products over C checkpoints, of pulls (C, P) and scores (C, K, P)."""
-    return np.einsum("cp,ckp->k", pulls, scores)
+    return np.asarray(np.einsum("cp,ckp->k", pulls, scores))
 
 
 def checkpoints(laboratory: Laboratory) -> list[PolytopeModel]:
