@@ -53,7 +53,7 @@ def read_bounded(path: Path, largest: int, expected: str) -> bytes:
 def read_yaml(path: Path, largest: int, expected: str) -> Any:
     """What a YAML file holds; arguments and errors as `read_bounded`, and UnreadableInputError for what is no YAML."""
     try:
-        content = parse_yaml(read_bounded(path, largest, expected).decode("utf-8"))
+        content = parse_yaml(read_bounded(path, largest, expected).decode("utf-8"), _OnceLoader)
         values = _expanded(content, {})
     except (ValueError, RecursionError) as error:
         raise UnreadableInputError(path, f"found no YAML ({_why(error)}), expected {expected}") from error
@@ -62,19 +62,37 @@ def read_yaml(path: Path, largest: int, expected: str) -> Any:
     return content
 
 
-def parse_yaml(text: str) -> Any:
+def parse_yaml(text: str, loader: type[yaml.SafeLoader] = yaml.SafeLoader) -> Any:
     """What YAML text holds.
+
+    Args:
+        text: of a file.
+        loader: PyYAML's, which takes the last of several equal keys, or a stricter one.
 
     Raises:
         ValueError: it is no YAML. PyYAML itself raises a KeyError for `!!bool x`, an AttributeError for `!!timestamp x` and an
             OverflowError for a number with two hundred colons.
     """
     try:
-        return yaml.safe_load(text)
+        return yaml.load(text, loader)
     except (yaml.YAMLError, RecursionError) as error:
         raise ValueError(str(error)) from error
     except (LookupError, AttributeError, ArithmeticError) as error:
         raise ValueError("a value is too large or not of the kind that its tag names") from error
+
+
+class _OnceLoader(yaml.SafeLoader):  # type: ignore[misc]
+    """Refuses a key that stands in a mapping twice, as YAML itself does: a hand wrote it, and meant one of the two values."""
+
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        node = super().compose_mapping_node(anchor)
+        lines: dict[str, int] = {}
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            line = key.start_mark.line + 1
+            if key.value in lines:
+                raise ValueError(f"{key.value[:40]!r} stands there twice, in lines {lines[key.value]} and {line}")
+            lines[key.value] = line
+        return node
 
 
 def _expanded(value: Any, known: dict[int, float]) -> float:

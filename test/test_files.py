@@ -60,6 +60,8 @@ def test_what_is_there_under_the_hidden_name_is_never_followed(
         ("a: 2020-13-45", "month must be in 1..12"),
         (f"a: 0x{'f' * 6000}", "a whole number of 24000 bits"),
         ("a: [", "while parsing"),
+        ("mass: 1\nb: {c: 1, c: 2}", "'c' stands there twice, in lines 2 and 2"),
+        ("mass: 1\nname: b\nmass: 2", "'mass' stands there twice, in lines 1 and 3"),
     ],
 )
 def test_what_is_no_yaml_is_refused_in_one_line(tmp_path: Path, text: str, why: str) -> None:

@@ -30,7 +30,7 @@ from contact_curation.simulation.world import free_motion
 from test.simulated import RIG_NOISE, TrackerNoise, release_states, with_noise
 
 RATES = (60, 148, 240)
-MULTIPLES = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0)
+MULTIPLES = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 16.0, 24.0, 32.0)
 BOARD, IN_HAND = "board", "begins in the hand"
 HELD, SWUNG, SEEN = 2.0, 0.3, 3.0
 """Before the release, then again, and after it [s]."""

@@ -167,6 +167,28 @@ def fisher_sums(
     return _weighted_sums(geometry, body, rows, each, estimator, influence_bound, config)
 
 
+def added_sums(
+    geometry: ContactGeometry,
+    body: Body,
+    before: Array,
+    after: Array,
+    dt: Array,
+    fishers: Array,
+    score_sums: Array,
+    estimator: Estimator,
+    influence_bound: float,
+    config: LossConfig,
+) -> FisherSums:
+    """Sums (1, Q, Q) and (1, Q) over earlier transitions of a toss, continued over N checked ones without weights."""
+    rows = _Rows(before, after, dt, np.array([0, len(dt)], dtype=np.int64))
+    return _sums(geometry, body, rows, estimator, influence_bound, config, (fishers, score_sums))
+
+
+def estimator_weight(estimator: Estimator, weight: float) -> float:
+    """A weight of losses in a Fisher matrix: the Gauss-Newton rows are residuals, the other's are scores."""
+    return weight if estimator is Estimator.GAUSS_NEWTON else weight**2
+
+
 def transition_weights(geometry: ContactGeometry, body: Body, before: ArrayLike, dt: ArrayLike) -> Array | None:
     """(N,) one over the variances of N transitions' residuals, by the impulses that theta predicts; None for one variance.
 
@@ -239,12 +261,15 @@ def _sums(
     estimator: Estimator,
     influence_bound: float,
     config: LossConfig,
+    earlier: tuple[Array, Array] | None = None,
 ) -> FisherSums:
+    """The sums of each toss, added to those of its `earlier` transitions where there are any."""
     count, tosses, size = len(rows.dt), rows.starts.size - 1, geometry.kernel_size
     terms = np.empty((count, len(LOSS_TERMS)))
+    fishers, score_sums = earlier or (np.zeros((tosses, size, size)), np.zeros((tosses, size)))
     result = FisherSums(
-        fishers=np.zeros((tosses, size, size)),
-        score_sums=np.zeros((tosses, size)),
+        fishers=fishers.copy(),
+        score_sums=score_sums.copy(),
         losses=np.empty(count),
         residuals=np.empty(count),
         status=np.empty(count, np.int32),

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.evaluation import Estimator, FisherSums, SolveStatus, fisher_sums
+from contact_curation.contact.evaluation import Estimator, FisherSums, SolveStatus, fisher_sums, transition_weights
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
+from contact_curation.contact.partial_sums import PartialSums
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.factors import Compression, factors_of_fishers
@@ -127,7 +128,24 @@ class Scorer:
             InvalidValueError: no toss, or a toss of another body.
         """
         rows = self._rows(tosses)
-        sums = self._sums(rows, self.config.estimator)
+        return self._informations(tosses, rows, self._sums(rows, self.config.estimator))
+
+    def begin(self, toss: Toss) -> "BegunToss | None":
+        """Scores all transitions but the last of a toss whose last velocities are not known yet; None where it has too few."""
+        rows = self._rows([toss])
+        if len(rows.dt) < 2:
+            return None
+        given = transition_weights(self.geometry, self.body, rows.before, rows.dt)
+        weights = np.ones(len(rows.dt)) if given is None else given
+        config = self.config
+        sums = PartialSums(self.geometry, self.body, config.estimator, config.influence_bound, config.loss)
+        first = slice(-1)
+        return BegunToss(self, rows, weights, sums.added(rows.before[first], rows.after[first], rows.dt[first], weights[first]))
+
+    def _informations(
+        self, tosses: Sequence[Toss], rows: Transitions, sums: FisherSums
+    ) -> tuple[TossInformation | NotScored, ...]:
+        """What the sums over their transitions say of tosses."""
         centroids = np.array([toss.positions.mean(axis=0) / self.body.length_scale for toss in tosses])
         fishers = self.form.chart.T @ sums.fishers @ self.form.chart  # one product per toss: the same digits in any batch
         score_sums = np.stack([row @ self.form.chart for row in sums.score_sums])
@@ -187,3 +205,30 @@ class Scorer:
             centroid=summed.centroid,
             tilt_axes=self.form.tilt_axes,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class BegunToss:
+    """A toss of which all transitions but the last are scored.
+
+    Attributes:
+        scorer: at whose theta.
+        rows: its N transitions, the last with other velocities at its end than the toss will have.
+        weights: (N,) of their losses; the last velocities have no part in them.
+        sums: over the first N - 1.
+    """
+
+    scorer: Scorer
+    rows: Transitions
+    weights: Array
+    sums: PartialSums
+
+    def score(self, toss: Toss) -> TossInformation | NotScored:
+        """The same bits as `Scorer.score` of the complete toss; if it is another one, it is scored from the beginning."""
+        rows = self.scorer._rows([toss])
+        known, found = ((each.before, each.after[:-1], each.dt) for each in (self.rows, rows))
+        if not all(map(np.array_equal, known, found)):
+            return self.scorer.score([toss])[0]
+        last = slice(-1, None)
+        sums = self.sums.added(rows.before[last], rows.after[last], rows.dt[last], self.weights[last])
+        return self.scorer._informations([toss], rows, sums.total())[0]

@@ -104,6 +104,11 @@ class TossIngest:
         """Whether a toss has started and not ended yet."""
         return self._segmenter.tossing
 
+    def expected(self) -> Toss | None:
+        """The toss that the next pose completes, but for its last velocities and the gates; None while none is about to end."""
+        toss = self._segmenter.expected()
+        return None if toss is None else apply_calibration(toss, self.config.rig)
+
     @property
     def needed_frames(self) -> frozenset[str]:
         """Frames whose moving poses may change a pose of the body."""

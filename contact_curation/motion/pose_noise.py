@@ -48,10 +48,10 @@ EVEN = 1.2
 LOUD = 1.6
 """Times what was expected; from there on tosses are lost (benchmarks/data/tracker_noise.py)."""
 
-MOST = 8.0
-"""With more, tosses are lost whatever is expected."""
+MOST = 28.0
+"""With more, many tosses are lost whatever is expected, and some begin in the hand."""
 
-SLOWEST = 0.02
+SLOWEST = 0.04
 """Windows with a longer step say nothing, since the body's own motion is all that is seen [s]."""
 
 Row = tuple[int, float, float, float, float, float, float, float]

@@ -106,6 +106,12 @@ class TossSegmenter:
         """Whether a toss has started and not ended yet."""
         return self._start is not None
 
+    def expected(self) -> Toss | None:
+        """The toss that the next frame completes, but for its last velocities; None while none is about to end."""
+        if self._start is None or self._still < self._frames_at_rest or self.config.closed_up:
+            return None
+        return cut(self._run, self._start, len(self._run), self.body, self.source, self.config).toss
+
     def use(self, tracker: TrackerScale) -> tuple[Toss | Rejected, ...]:
         """Takes the bounds for so noisy a tracker, and looks again at the motion in progress: noise alone may have begun it.
 

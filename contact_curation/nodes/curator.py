@@ -10,6 +10,7 @@ from contact_curation_msgs.msg import CuratedBuffer
 from contact_curation_msgs.msg import TossInformation as TossInformationMessage
 from contact_curation_msgs.srv import GetInformation, SaveBuffer
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.parameter import Parameter
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
@@ -60,7 +61,7 @@ class Curator(StageNode):
         self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", latched(1))
         self._worker = Worker(self.fail)
         self._curating = Latest(self._worker, self._curate)
-        self.create_service(SaveBuffer, "save_buffer", self._save)
+        self.create_service(SaveBuffer, "save_buffer", self._asked_to_save, callback_group=ReentrantCallbackGroup())
         self.add_on_set_parameters_callback(self._parameters_set)
         self._information = CatchUp(self, self._worker, INFORMATION, self._stage.cursor, self._take)
         self._curating.want()
@@ -112,7 +113,11 @@ class Curator(StageNode):
         self._stage.rank_by(ranking)
         self._curating.want()
 
+    async def _asked_to_save(self, request: Any, response: Any) -> Any:
+        return await self.done_by(self._worker, partial(self._save, request, response))
+
     def _save(self, request: Any, response: Any) -> Any:
+        """Writes the manifest of a request; on the worker's thread."""
         buffer = self._buffer
         if buffer is None:
             response.message = "found no scored toss, expected at least one"

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,13 +21,14 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.headers import check_format
 from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_in
 from contact_curation.nodes.messages.toss_information import information_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.stages.records import Cursor
@@ -34,7 +36,7 @@ from contact_curation.stages.scored_theta import ScoredTheta, read_scored_theta,
 from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
 from contact_curation.storage.stores.information import InformationStore
 
-TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
+TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16, read=toss_in)
 
 LARGEST_PAGE = 64
 """Largest number of records in a response of `get_information`."""
@@ -63,6 +65,8 @@ class FisherScorer(StageNode):
         self.create_service(GetInformation, "get_information", self._get_information)
         self.create_subscription(ModelParameters, "model_parameters", self._parameters_came, latched(1))
         self._tosses = CatchUp(self, self._worker, TOSSES, self._stage.cursor, self._score, self._caught_up)
+        expected = profile(1, reliable=True, latched=False)
+        self.create_subscription(TossMessage, EXPECTED_TOSS, self._expected_came, expected, raw=True)
         HealthReport(self, "scores", self._health, self._body.name)
 
     def close(self) -> None:
@@ -77,6 +81,15 @@ class FisherScorer(StageNode):
         self._stage.advance(cursor)
         for one in batch.not_scored:
             self._warnings.note("not scored", f"toss {one.toss_id}: {one.reason}")
+
+    def _expected_came(self, data: bytes) -> None:
+        if not self._worker.waiting:
+            self._worker.do(partial(self._begin, data))
+
+    def _begin(self, data: bytes) -> None:
+        """Scores most of a toss that the next pose will complete; on the worker's thread."""
+        with suppress(InvalidValueError):
+            self._stage.begin(checked_body(toss_of(toss_in(data)), self._body))
 
     def _translated(self, message: Any) -> Toss | None:
         try:

@@ -7,12 +7,14 @@ can be requested. Active again it goes on as after an interruption of the poses.
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossRejected
 from contact_curation_msgs.srv import GetTosses
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Bool
 
@@ -24,13 +26,14 @@ from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.pose_noise import RIG
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
+from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_bytes
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
 from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import READ_TYPES, PoseTopics, Received
-from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
+from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Inbox, Latest, Worker
 from contact_curation.stages.ingest import Arrival, IngestJournal
@@ -80,13 +83,14 @@ class PoseIngest(ManagedNode):
             f"poses come faster than they are processed: {MOST_WAITING} wait here, and up to {depth} more in the middleware, "
             "which drops the oldest beyond that; play more slowly, or raise queue_depth"
         )
-        self._worker = Worker(self.fail)
+        self._worker, self._aside = Worker(self.fail), Worker(self.fail)
         self._taking = Latest(self._worker, self._take)
         self._tosses = self.create_publisher(TossMessage, "toss", latched(RESULTS_DEPTH))
         self._rejected = self.create_publisher(TossRejected, "toss_rejected", latched(RESULTS_DEPTH))
+        self._expected = self.create_publisher(TossMessage, EXPECTED_TOSS, profile(1, reliable=True, latched=False))
         self._tracked = self.create_publisher(Bool, "tracked", latched(1))
         self._said_tracked: bool | None = None
-        self.create_service(GetTosses, "get_tosses", self._get_tosses)
+        self.create_service(GetTosses, "get_tosses", self._asked_for, callback_group=ReentrantCallbackGroup())
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
         self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
         HealthReport(self, "poses", self._health, self._body.name)
@@ -98,6 +102,7 @@ class PoseIngest(ManagedNode):
 
     def close(self) -> None:
         self._worker.stop()
+        self._aside.stop()
         self._store.close()
 
     def _look(self) -> None:
@@ -139,6 +144,9 @@ class PoseIngest(ManagedNode):
     def _store_and_announce(self, journal: IngestJournal, arrivals: Sequence[Arrival]) -> None:
         happened = journal.take(arrivals)
         self._announce(happened.tosses, happened.rejected)
+        if not self._inbox and (expected := journal.expected()) is not None:
+            self._expected.publish(toss_bytes(expected, 0, self._poses.board_frame))
+            self._aside.do(journal.sync_ahead)
         if self._ingest is not None and (noise := self._ingest.noise_done) and self._ingest.tracker != self._tracker:
             self._tracker = self._ingest.tracker
             self.get_logger().info(noise)
@@ -152,13 +160,17 @@ class PoseIngest(ManagedNode):
             self._rejected.publish(rejected_message(one.rejected, self._poses.board_frame))
             self.get_logger().info(f"rejected {one.rejected.toss.toss_id}: {'; '.join(one.rejected.reasons)}")
         for stored in tosses:
-            self._tosses.publish(toss_message(stored.toss, stored.sequence, self._poses.board_frame))
+            self._tosses.publish(toss_bytes(stored.toss, stored.sequence, self._poses.board_frame))
             self.get_logger().info(f"toss {stored.toss.toss_id}: {stored.toss.frames} frames, {stored.toss.duration:.2f} s")
         if self._journal is not None and (tosses or rejected):
             last = tosses[-1].sequence if tosses else 0
             self._journal.announced(last, rejected[-1].sequence if rejected else 0)
 
+    async def _asked_for(self, request: Any, response: Any) -> Any:
+        return await self.done_by(self._aside, partial(self._get_tosses, request, response))
+
     def _get_tosses(self, request: Any, response: Any) -> Any:
+        """Responds with a page of tosses; beside the worker, on a thread that keeps neither poses nor callbacks waiting."""
         wanted = list(request.toss_ids)
         response.last_sequence = self._store.last_sequence
         limit = min(request.limit or LARGEST_PAGE, LARGEST_PAGE)

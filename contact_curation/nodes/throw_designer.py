@@ -11,7 +11,6 @@ from contact_curation_msgs.msg import TossInformation as TossInformationMessage
 from contact_curation_msgs.srv import GetInformation, ProposeThrow
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.task import Future
 from std_msgs.msg import Bool
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -152,7 +151,7 @@ class ThrowDesigner(StageNode):
                 )
             self._proposals += 1
             try:
-                proposal = await self._planned(request)
+                proposal = await self.done_by(self._worker, partial(self._plan, request))
             finally:
                 self._proposals -= 1
         except ContactCurationError as error:
@@ -165,23 +164,15 @@ class ThrowDesigner(StageNode):
         response.throw_command = throw_message(proposal.throw, Stamped(0, self._board_frame))
         return response
 
-    def _planned(self, request: Any) -> Future:
-        """The throw of a request, once the worker has planned it."""
-        planned = Future()
-        planned.add_done_callback(lambda _: self.executor.wake())  # so that the waiting coroutine goes on
-        self._worker.do(partial(self._plan, request, planned))
-        return planned
+    def _plan(self, request: Any) -> Proposal:
+        """Plans the throw of a request; on the worker's thread.
 
-    def _plan(self, request: Any, planned: Future) -> None:
-        """Plans the throw of a request; on the worker's thread."""
-        try:
-            if request.body not in ("", self._body.name):
-                raise InvalidValueError("body", request.body, self._body.name)
-            proposal = self._stage.propose(int(request.seed))
-        except ContactCurationError as error:
-            planned.set_exception(error)
-        else:
-            planned.set_result(proposal)
+        Raises:
+            ContactCurationError: it is for another body, or no throw can be planned.
+        """
+        if request.body not in ("", self._body.name):
+            raise InvalidValueError("body", request.body, self._body.name)
+        return self._stage.propose(int(request.seed))
 
     def _parameters_came(self, message: Any) -> None:
         self._worker.do(partial(self._renew, message))

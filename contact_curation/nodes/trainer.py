@@ -68,6 +68,7 @@ class Trainer(StageNode):
         self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")
         self._kind = kind
+        self._misfits: tuple[str, ...] = ()
         self._said_to_rest: tuple[int, Stamped] | None = None
         self._errors: tuple[str, HeldOutErrors] | None = None
         self._model_parameters = self.create_publisher(ModelParameters, "model_parameters", latched(1))
@@ -131,8 +132,16 @@ class Trainer(StageNode):
     def _announce(self, moment: Moment) -> None:
         version = model_version(moment.model)
         if moment.ended:
+            self._look_for_misfits()
             self._model_parameters.publish(model_message(moment.model, version, moment.progress.gradient_steps, self._stamped))
         self._say(moment, version)
+
+    def _look_for_misfits(self) -> None:
+        """Logs what the model lacks, once each kind; diagnostics and the status keep saying it."""
+        before, self._misfits = self._misfits, self._stage.misfits()
+        for line in self._misfits:
+            if all(line.partition(":")[0] != one.partition(":")[0] for one in before):
+                self.get_logger().warning(line)
 
     def _say(self, moment: Moment, version: str) -> None:
         if self._errors is None or self._errors[0] != version:
@@ -140,7 +149,7 @@ class Trainer(StageNode):
         rests_on = self._stage.rests_on
         self._said_to_rest = None if rests_on is None else (rests_on.revision, self._stamped)
         revision = None if rests_on is None else rests_on.revision
-        self._status.publish(status_message(moment, version, self._errors[1], self._stamped, revision))
+        self._status.publish(status_message(moment, version, self._errors[1], self._stamped, revision, self._misfits))
 
     def _say_if_it_rests(self) -> None:
         """Publishes the state `waiting` if the buffer needs no round, for nodes that wait for the trainer."""
@@ -167,7 +176,8 @@ class Trainer(StageNode):
             **self._warnings.counts,
         }
         failed = progress.state is TrainingState.FAILED
-        return Health(f"round {number}: {progress.reason or progress.state.value}", values, warning=failed)
+        said = "; ".join([f"round {number}: {progress.reason or progress.state.value}", *self._misfits])
+        return Health(said, values, warning=failed)
 
 
 def main() -> int:

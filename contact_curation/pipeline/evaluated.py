@@ -190,9 +190,8 @@ def _shape(evaluation: ModelEvaluation) -> Iterator[str]:
     if shape is None:
         return
     lengths = f"{shape.vertex_rms_mm:.2f} mm ({shape.vertex_rms:.4f} characteristic lengths)"
-    yield (
-        f"  against the body as described: vertices {lengths} RMS; friction {shape.friction:.4f}, {shape.friction_error:+.4f}"
-    )
+    friction = f"friction {shape.friction:.4f}, {shape.friction_error:+.4f}"
+    yield f"  against the body as described: vertices {lengths} RMS; hull {shape.hull_mm:.2f} mm (Hausdorff); {friction}"
 
 
 def _failures(evaluation: ModelEvaluation) -> Iterator[str]:

@@ -262,8 +262,11 @@ def input_paths(inputs: Inputs) -> tuple[Path, ...]:
 
     Raises:
         UnreadableInputError: nothing matches a pattern.
+        InvalidValueError: one has no name, which would be the current folder.
     """
     several = [inputs] if isinstance(inputs, str | PathLike) else list(inputs)
+    if "" in several:
+        raise InvalidValueError("inputs", "''", "the paths of recordings")
     return tuple(path for one in several for path in ([one] if isinstance(one, Address) else matching(fspath(one))))
 
 

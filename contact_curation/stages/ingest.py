@@ -115,6 +115,14 @@ class IngestJournal:
             self._store.reach_disk()
         return happened
 
+    def expected(self) -> Toss | None:
+        """The toss that the next measurement completes, but for its last velocities and the gates; None while there is none."""
+        return self._ingest.expected()
+
+    def sync_ahead(self) -> None:
+        """Brings to the disk what is stored so far, so that little waits for it when the expected toss is complete."""
+        self._store.reach_disk()
+
     def unannounced(self) -> tuple[tuple[StoredToss, ...], tuple[StoredRejected, ...]]:
         """A page of what is stored and was perhaps never announced, because of a kill."""
         known = self._announced()

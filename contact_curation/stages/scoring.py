@@ -11,7 +11,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.network.model_scorer import TossScorer
 from contact_curation.information.record import TossInformation
-from contact_curation.information.scoring import NotScored, ScoringConfig
+from contact_curation.information.scoring import BegunToss, NotScored, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.stages.records import (
     AnnouncedInformation,
@@ -71,6 +71,7 @@ class ScoringStage:
         stored, model = self._states.load(PARAMETERS), self._states.load(MODEL) or theta.model.encode()
         known = theta if stored is None else ScoredTheta(model.decode(), stored)
         self._scorer = self._checked(scorer_of(known, body, config))
+        self._begun: BegunToss | None = None
 
     @property
     def version(self) -> str:
@@ -102,7 +103,7 @@ class ScoringStage:
             return False
         self._informations.drop_version(scorer.version)
         self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode(), **NOTHING_NEXT})
-        self._scorer = scorer
+        self._scorer, self._begun = scorer, None
         self._informations.keep_newest_versions(MOST_VERSIONS)
         return True
 
@@ -123,6 +124,10 @@ class ScoringStage:
         data, model = self._states.load(NEXT_PARAMETERS), self._states.load(NEXT_MODEL)
         return ScoredTheta(model.decode(), data) if data and model else None
 
+    def begin(self, toss: Toss) -> None:
+        """Scores most of a toss that is expected soon; its last velocities are not known yet. Nothing is stored."""
+        self._begun = self._scorer.begin(toss)
+
     def score(self, tosses: Sequence[Toss], frames: Mapping[str, str]) -> Batch:
         """Scores the tosses that have no result yet, and stores the results.
 
@@ -131,13 +136,17 @@ class ScoringStage:
             frames: by toss id, the frame that its poses are given in.
         """
         fresh = [toss for toss in tosses if self._informations.get(toss.toss_id, self.version) is None]
-        results = self._scorer.score(fresh) if fresh else ()
+        results = self._scored(fresh) if fresh else ()
         scored = [(toss, result) for toss, result in zip(fresh, results) if isinstance(result, TossInformation)]
         headers = {toss.toss_id: Stamped(int(toss.stamps_ns[-1]), frames[toss.toss_id]) for toss, _ in scored}
         records = [stored_records(TossHeader(header), name=toss_id) for toss_id, header in headers.items()]
         self._states.save({key: data for one in records for key, data in one.items()})
         new = [Announcement(self._informations.add(one).sequence, one, headers[one.toss_id]) for _, one in scored]
         return Batch(tuple(new), tuple(result for result in results if isinstance(result, NotScored)))
+
+    def _scored(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
+        begun, self._begun = self._begun, None
+        return self._scorer.score(tosses) if begun is None or len(tosses) > 1 else (begun.score(tosses[0]),)
 
     def after(self, sequence: int, limit: int) -> tuple[Announcement, ...]:
         """The next `limit` results behind `sequence`."""

@@ -16,6 +16,7 @@ from typing import NamedTuple
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
+from contact_curation.learning.evaluation.misfit import misfits
 from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig
 from contact_curation.learning.training.training import Training
@@ -156,6 +157,13 @@ class TrainingStage:
     def progress(self) -> Progress | None:
         """How far it is; None before the first round."""
         return None if self._training is None else self._training.progress
+
+    def misfits(self) -> tuple[str, ...]:
+        """What the model of the newest round lacks by the tosses that it learns from, one line each."""
+        if self._training is None:
+            return ()
+        tosses, model = [one.toss for one in self._tosses.get(self._round.toss_ids)], self._training.model
+        return misfits(tosses, model.body, bounces=self._config.restitution)
 
     @property
     def missing(self) -> tuple[str, ...]:

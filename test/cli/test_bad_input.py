@@ -266,3 +266,11 @@ def test_everything_gated_is_an_error_that_says_by_what_and_the_manifest_lists_i
     assert "depth in the board" in done.err_lines[-1]
     assert out.exists()
     assert np.all([line.count('"rejected": true') for line in out.read_text().splitlines() if '"toss_id"' in line])
+
+
+@pytest.mark.parametrize(("words", "said"), [(("rank", ""), "inputs"), (("play", ""), "BAG"), (("body", ""), "file")])
+def test_no_word_is_no_path_though_python_takes_it_for_the_current_folder(cli: Cli, words: tuple[str, ...], said: str) -> None:
+    done = cli(*words)
+    assert (done.status > 0, done.out, len(done.err_lines)) == (True, "", 1)
+    assert "found ''" in done.err
+    assert said.lower() in done.err.lower()

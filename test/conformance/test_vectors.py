@@ -4,6 +4,7 @@ import itertools
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ IDS = sorted(problems())
 QUICK = [key for key in IDS if len(problems()[key]["theta"]["vertices_normal"]) <= 2]
 """Those that the reference answers in a second or less, some of each group."""
 
+THEIR_PARAMETERS = ("vertices_normal", "zvec", "vertices_tangent", "xyvecs")
 STATE = ("position", "quaternion", "linear_velocity", "angular_velocity")
 
 
@@ -45,6 +47,33 @@ def whole(triangle: list[list[float]]) -> Array:
     for k, row in enumerate(triangle):
         found[k, : k + 1] = found[: k + 1, k] = row
     return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("toss", "row"), [(0, 60), (17, 22)])
+def test_the_definition_gives_the_losses_of_contactnets_own_code(contactnets_folder: Path, toss: int, row: int) -> None:
+    path = contactnets_folder.parent / "reference_seed0.npz"
+    if not path.exists():
+        pytest.skip(f"{path.name} is not beside the tosses")
+    theirs, given = np.load(path), dict(problems()["learned-10"])
+    given["weights"] = {**given["weights"], "regularization": 1e-10}  # they have none
+    own, normal, tangent, axes = (theirs[f"param/{name}"] for name in THEIR_PARAMETERS)
+    poses = torch.load(contactnets_folder / f"{toss}.pt", weights_only=True)[0].numpy()
+    body = CONTACTNETS_CUBE
+    given["theta"] = {
+        "vertices_normal": own.tolist(),
+        "normal": normal[0].tolist(),
+        "vertices_tangent": tangent.tolist(),
+        "tangents": axes.tolist(),
+        "pivot": [0.0, 0.0, 0.0],
+        "height": 0.0,
+    }
+    for when, at in (("before", poses[row]), ("after", poses[row + 1])):
+        given[when] = dict(zip(STATE, (part.tolist() for part in np.split(at[:13], (3, 7, 10))), strict=True))
+    given |= {"dt": 1.0 / 148.0, "gravity": body.scaled_gravity, "mass": body.mass, "inertia": body.scaled_inertia.tolist()}
+    reference = script("reference")
+    found = reference.expected(reference.problem_of(given))
+    assert found["loss"] == pytest.approx(float(theirs[f"toss{toss}/gold/loss/surr_qp"][row]), rel=1e-6)
 
 
 def test_there_are_200_problems_half_of_them_with_each_cone() -> None:

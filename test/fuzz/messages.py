@@ -12,6 +12,7 @@ from contact_curation.nodes.messages.shown import selected_set_of, theta_of, thr
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.nodes.messages.throw_report import report_of
 from contact_curation.nodes.messages.toss import toss_of
+from contact_curation.nodes.messages.toss_bytes import toss_in
 from contact_curation.nodes.messages.toss_information import information_of
 
 
@@ -45,3 +46,5 @@ def read_message(data: bytes) -> None:
         raise InvalidValueError("bytes", len(data), f"a message of {kind.__name__}") from error
     for read in readers:
         read(message)
+    if kind is Toss:
+        toss_of(toss_in(data[1:]))

@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,10 +23,7 @@ import safetensors.numpy
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import ContactCurationError
 from contact_curation.learning.checkpoints import safetensors_bytes
-from contact_curation.learning.checkpoints.checkpoint import training_of_bytes
-from contact_curation.learning.checkpoints.stored_model import body_of_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
-from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.session.parameter_files import read_node_parameters
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import read_contactnets
@@ -35,7 +33,6 @@ from contact_curation.storage.manifest.file import read_manifest
 from contact_curation.storage.parameters_file import read_parameters
 from contact_curation.storage.tag_map_file import read_tag_maps
 from contact_curation.storage.throws_file import read_throws, read_throws_body
-from test.simulated import simulated_tosses
 
 MEMORY = Path("/dev/shm")
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
@@ -93,8 +90,9 @@ def _theta(path: Path) -> None:
 
 
 def _model(path: Path) -> None:
-    _models(path, path.read_bytes())
-    _models(path, _with_right_digest(path.read_bytes()))
+    data = path.read_bytes()
+    for one in dict.fromkeys((data, _with_right_digest(data))):
+        _models(path, one)
 
 
 def _with_right_digest(data: bytes) -> bytes:
@@ -108,6 +106,10 @@ def _with_right_digest(data: bytes) -> bytes:
 
 
 def _models(path: Path, data: bytes) -> None:
+    # PyTorch, which takes longer to load than most targets run
+    from contact_curation.learning.checkpoints.checkpoint import training_of_bytes
+    from contact_curation.learning.checkpoints.stored_model import body_of_bytes, model_of_bytes, notes_of_bytes
+
     for read in (model_of_bytes, body_of_bytes, notes_of_bytes):
         with _ours():
             read(data, path)
@@ -136,13 +138,12 @@ def _parameters(path: Path) -> None:
     read_parameters(path, CONTACTNETS_CUBE)
 
 
-_cached: list[Transitions] = []
+@cache
+def _data() -> Any:
+    from contact_curation.motion.transitions import transitions_of
+    from test.simulated import simulated_tosses
 
-
-def _data() -> Transitions:
-    if not _cached:
-        _cached.append(transitions_of(simulated_tosses(1, seed=1), CONTACTNETS_CUBE.length_scale))
-    return _cached[0]
+    return transitions_of(simulated_tosses(1, seed=1), CONTACTNETS_CUBE.length_scale)
 
 
 @contextmanager

@@ -31,6 +31,7 @@ from contact_curation.nodes.messages.shown import selected_set_of, theta_of, tra
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.throw_report import report_of
 from contact_curation.nodes.messages.toss import rejected_message, toss_message, toss_of
+from contact_curation.nodes.messages.toss_bytes import toss_bytes, toss_in
 from contact_curation.nodes.messages.toss_information import information_message, information_of
 from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
 from test.graph.parts.offline import scored
@@ -49,6 +50,27 @@ def test_a_toss_comes_back_from_the_wire_bit_for_bit() -> None:
     w, x, y, z = toss.orientations_wxyz[5]
     turn = heard.poses[5].orientation
     assert (turn.w, turn.x, turn.y, turn.z) == (w, x, y, z)
+
+
+def test_the_bytes_of_a_toss_are_those_of_its_message() -> None:
+    for sequence, toss in enumerate(simulated_tosses(3, seed=3, noise=RIG_NOISE), start=1):
+        for frame in ("", "body_surface", "Tisch ä"):
+            message, data = toss_message(toss, sequence, frame), toss_bytes(toss, sequence, frame)
+            assert deserialize_message(data, Toss) == message
+            read = toss_in(bytes(serialize_message(message)))
+            assert toss_of(read).digest() == toss.digest()
+            for name in ("format_version", "header", "toss_id", "body", "source", "sequence", "frame_period"):
+                assert getattr(read, name) == getattr(message, name), name
+
+
+def test_bytes_that_are_no_toss_are_refused_in_one_line() -> None:
+    (toss,) = simulated_tosses(1, seed=3)
+    data = toss_bytes(toss, 1, "board")
+    for cut in (0, 3, 4, 9, 30, 200, len(data) - 1):
+        with pytest.raises(InvalidValueError, match="bytes of a toss: found"):
+            toss_in(data[:cut])
+    with pytest.raises(InvalidValueError, match="bytes of a toss: found 00 00 00 00, expected 00 01 00 00"):
+        toss_in(b"\0\0" + data[2:])
 
 
 NEWER = 2
@@ -175,7 +197,18 @@ def all_huge(numbers: Sequence[float]) -> list[float]:
             toss_of,
             r"positions \[m\] of toss .*: found 1e\+30, expected finite",
         ),
+        (
+            lambda: toss_in(bytes(serialize_message(far_toss(1e30)))),
+            toss_of,
+            r"positions \[m\] of toss .*: found 1e\+30, expected finite",
+        ),
         (lambda: Toss(toss_id="long", poses=[Pose()] * 100_001), toss_of, "poses of toss long: found 100001 entries"),
+        (
+            lambda: toss_in(bytes(serialize_message(Toss(toss_id="long", poses=[Pose()] * 100_001)))),
+            toss_of,
+            "poses of toss long: found 100001 entries",
+        ),
+        (lambda: toss_in(bytes(serialize_message(Toss(format_version=2)))), toss_of, "format of Toss.*: found version 2"),
     ],
 )
 def test_numbers_that_no_toss_has_are_refused_at_the_door(message: Any, take: Callable[[Any], object], why: str) -> None:

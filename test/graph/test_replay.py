@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from contact_curation_msgs.msg import ModelParameters
+from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.srv import SaveBuffer
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
@@ -18,7 +19,8 @@ from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry,
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.toss import toss_of
-from contact_curation.nodes.ros.qos import latched
+from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_in
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
 from contact_curation.storage.manifest.file import read_manifest
 from test.graph.parts.graph import Graph
@@ -67,6 +69,23 @@ def test_a_rig_that_a_node_is_told_puts_its_tosses_right_as_in_the_library(graph
     for message, toss in zip(tosses, expected, strict=True):
         assert toss_of(message).digest() == toss.digest()
     assert [toss.digest() for toss in expected] != [toss.digest() for toss in tosses_of(golden_bag)]
+
+
+@pytest.mark.slow
+def test_tosses_are_expected_before_they_come(graph: Graph, golden_bag: Path) -> None:
+    tosses, rejected, expected = graph.tosses(), graph.rejected(), list[bytes]()
+    qos = profile(100, reliable=True, latched=False)
+    graph.listener.node.create_subscription(TossMessage, f"/{EXPECTED_TOSS}", expected.append, qos, raw=True)
+    graph.start("pose_ingest")
+    graph.start("player", bag=golden_bag, rate=1.0, wait_for=10.0, stay=True)
+    graph.until(lambda: len(tosses) == len(tosses_of(golden_bag)), LONG, "every toss")
+    ahead = {read.toss_id: read for read in map(toss_in, expected)}
+    assert ahead.keys() <= {one.toss_id for one in (*tosses, *rejected)}
+    both = [(ahead[toss.toss_id], toss) for toss in tosses if toss.toss_id in ahead]
+    assert both  # a loaded machine may take several poses together, and expect none
+    for read, toss in both:
+        assert len(read.stamps) == len(toss.stamps)
+        assert toss_of(read).positions.tobytes() == toss_of(toss).positions.tobytes()
 
 
 STAGES: dict[str, dict[str, Any]] = {"pose_ingest": {}, "fisher_scorer": {}, "curator": {"top": TOP}}

@@ -86,9 +86,9 @@ class Cell:
         self._play(self.measured)
         self._unseen = not self.process("keeper").alive
 
-    def set_clock(self, shift: int) -> None:
+    def set_clock(self, shift_ns: int) -> None:
         """The tracker's clock jumps."""
-        self.later_ns = SHIFTS_NS[shift]
+        self.later_ns = shift_ns
 
     def go_on(self, number: int, steps: int = 1) -> None:
         """What comes next on a channel."""
@@ -97,19 +97,19 @@ class Cell:
             if channels:
                 self.middleware.take(channels[number % len(channels)])
 
-    def repeat(self, number: int) -> None:
+    def repeat(self, channel: str) -> None:
         """A numbered message comes twice."""
-        waiting = self.middleware.waiting[NUMBERED[number]]
+        waiting = self.middleware.waiting[channel]
         if waiting:
             waiting.append(waiting[0])
 
-    def reorder(self, number: int) -> None:
+    def reorder(self, channel: str) -> None:
         """A numbered message comes behind those after it."""
-        self.middleware.waiting[NUMBERED[number]].rotate(-1)
+        self.middleware.waiting[channel].rotate(-1)
 
-    def drop(self, number: int) -> None:
+    def drop(self, channel: str) -> None:
         """A numbered message is lost."""
-        waiting = self.middleware.waiting[NUMBERED[number]]
+        waiting = self.middleware.waiting[channel]
         if waiting:
             waiting.popleft()
 
@@ -179,6 +179,11 @@ class Cell:
 
     # What must hold
 
+    def finish(self) -> None:
+        """Undisturbed it comes to rest, and is whole."""
+        self.come_to_rest()
+        self.check()
+
     def come_to_rest(self) -> None:
         """Nobody disturbs the cell any more; poses that came while there was nobody, or no store, are played again."""
         for name in NAMES:
@@ -196,7 +201,7 @@ class Cell:
                     self.middleware.take(channel)
                 worked, rounds = True, rounds + 1
                 assert rounds < LONGEST, "the cell does not come to rest"
-            before = self.state
+            before = self.state if worked else None
             for name in NAMES:
                 self.tick(name)
             quiet = 0 if worked and self.state != before else quiet + 1
@@ -208,7 +213,7 @@ class Cell:
         """What a cell at rest does not change."""
         nodes = {name: self.process(name).node for name in NAMES}
         stages = nodes["scorer"]._stage.version, nodes["curator"]._stage.cursor, nodes["trainer"]._stage.round
-        return (*stages, self._published, len(nodes["keeper"].store.after(0, 64)))
+        return (*stages, self._published, nodes["keeper"].store.last_sequence)
 
     def check(self) -> None:
         """After rest: nothing is lost, and the buffer is what `rank` selects of the same tosses at the theta that came last."""

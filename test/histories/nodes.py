@@ -216,7 +216,7 @@ def in_one_process() -> Iterator[None]:
     """Inside, nodes are made on the middleware."""
     replaced: Mapping[Any, Mapping[str, Any]] = {
         fisher_scorer: {
-            "TOSSES": replace(fisher_scorer.TOSSES, page=2),
+            "TOSSES": replace(fisher_scorer.TOSSES, page=2, read=None),
             "information_message": _information_message,
             "toss_of": lambda message: message.toss,
         },

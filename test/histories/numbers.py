@@ -204,7 +204,7 @@ class ScriptedDesigner:
     def planner(self, particle: Any) -> Any:
         return SimpleNamespace(version=particle.version, reference_scores=lambda: np.arange(2.0))
 
-    def unready_reason(self, losses: Sequence[float], scores: Callable[[], Sequence[Any]]) -> str | None:
+    def unready_reason(self, losses: Sequence[float], known: Sequence[Any], scores: Callable[[], Sequence[Any]]) -> str | None:
         return None if len(losses) >= 2 and scores() else "too few tosses"
 
     def explore(self, name: str, *_: Any) -> Throw:

@@ -5,12 +5,11 @@ says how many histories; a frame takes about a millisecond, and a history has hu
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.feasibility import ArmFeasibility
@@ -20,10 +19,9 @@ from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
 from contact_curation.simulation.arm.simulation import ArmSimulation, ControlConfig
 from contact_curation.simulation.arm.throw_motion import FRAME_PERIOD, STEP, ThrowPlanner
 from contact_curation.stages.arm import ArmStage, Ending
-from test.histories.asked import histories
+from test.histories.history import Histories, try_histories
 from test.simulation.throws import PLAIN, random_throws
 
-SETTINGS = histories("ARM_HISTORIES", 8, 14)
 THROWS = [PLAIN, *random_throws(4, seed=3), replace(PLAIN, linear_velocity=np.array([30.0, 0.0, 0.0]))]
 CORRECTED = 1.05
 """The controller may correct what the reference does by this share of a limit, as a published sample shows it."""
@@ -63,6 +61,16 @@ class Arm:
         self._last: list[ArmFrame] = []
         self._stood = 0
 
+    def go_on(self, frames: int) -> None:
+        for _ in range(frames):
+            self.advance()
+
+    def go_on_into(self, phase: Phase, frames: int) -> None:
+        """Until something new begins, and a little more."""
+        while self.stage.busy and self.stage.phase not in (phase, Phase.STOPPED) and not self.stage.waits:
+            self.advance()
+        self.go_on(frames)
+
     def advance(self) -> None:
         self.now += FRAME_PERIOD
         if self.beating:
@@ -90,6 +98,32 @@ class Arm:
     def arm(self) -> None:
         self.gate.arm(self.now)
         self.latched = False
+
+    def arm_and_throw(self, number: int) -> None:
+        self.arm()
+        self.goal(number, begins=True)
+
+    def cancel(self) -> None:
+        self.stage.cancel()
+
+    def heartbeat(self, beating: bool) -> None:
+        self.beating = beating
+
+    def hush(self, seconds: float) -> None:
+        """Real time goes on while the simulation waits, and no heartbeat comes."""
+        if not self.beating:
+            self.now += seconds
+
+    def finish(self) -> None:
+        """Armed, and with a heartbeat, it goes home; every goal that was taken has ended."""
+        until = self.now + LONGEST
+        self.beating = True
+        self.begin()
+        self.gate.heartbeat(self.now)
+        self.arm()
+        while self.stage.phase is not Phase.RESTING or self.under_way:
+            self.advance()
+            assert self.now < until, f"the arm is {self.stage.phase}"
 
     def _took(self, ending: Ending | None) -> None:
         if ending is not None:
@@ -126,80 +160,19 @@ def _changes(values: list[Array]) -> Array:
     return np.diff(np.array(values).reshape(-1, 7), axis=0) / FRAME_PERIOD
 
 
-class Histories(RuleBasedStateMachine):
-    """What may happen to an arm."""
-
-    feasibility: ArmFeasibility
-
-    @initialize()
-    def begin(self) -> None:
-        self.arm = Arm(self.feasibility)
-        self.sound = True
-
-    @rule(frames=st.integers(1, 120))
-    def go_on(self, frames: int) -> None:
-        self.sound = False
-        for _ in range(frames):
-            self.arm.advance()
-        self.sound = True
-
-    @rule(phase=st.sampled_from((Phase.THROWING, Phase.RELEASED, Phase.RETURNING)), frames=st.integers(0, 30))
-    def go_on_into(self, phase: Phase, frames: int) -> None:
-        """Until something new begins, and a little more."""
-        self.sound = False
-        while self.arm.stage.busy and self.arm.stage.phase not in (phase, Phase.STOPPED) and not self.arm.stage.waits:
-            self.arm.advance()
-        for _ in range(frames):
-            self.arm.advance()
-        self.sound = True
-
-    @rule(number=st.integers(0, len(THROWS) - 1), begins=st.booleans())
-    def goal(self, number: int, begins: bool) -> None:
-        self.arm.goal(number, begins)
-
-    @rule(number=st.integers(0, len(THROWS) - 1))
-    def arm_and_throw(self, number: int) -> None:
-        self.arm.arm()
-        self.arm.goal(number, begins=True)
-
-    @rule()
-    def begin_it(self) -> None:
-        self.arm.begin()
-
-    @rule()
-    def cancel(self) -> None:
-        self.arm.stage.cancel()
-
-    @rule()
-    def stop(self) -> None:
-        self.arm.stop()
-
-    @rule()
-    def arm_it(self) -> None:
-        self.arm.arm()
-
-    @rule(beating=st.booleans())
-    def heartbeat(self, beating: bool) -> None:
-        self.arm.beating = beating
-
-    @rule(seconds=st.sampled_from((0.3, 0.5, 5.0)))
-    @precondition(lambda self: not self.arm.beating)
-    def hush(self, seconds: float) -> None:
-        """Real time goes on while the simulation waits."""
-        self.arm.now += seconds
-
-    def teardown(self) -> None:
-        """Armed, and with a heartbeat, it goes home; every goal that was taken has ended."""
-        if not self.sound:
-            return
-        arm, until = self.arm, self.arm.now + LONGEST
-        arm.beating = True
-        arm.begin()
-        arm.gate.heartbeat(arm.now)
-        arm.arm()
-        while arm.stage.phase is not Phase.RESTING or arm.under_way:
-            arm.advance()
-            assert arm.now < until, f"the arm is {arm.stage.phase}"
+GOALS = range(len(THROWS))
+STEPS = (
+    ("go_on", range(1, 121)),
+    ("go_on_into", (Phase.THROWING, Phase.RELEASED, Phase.RETURNING), range(31)),
+    ("goal", GOALS, (False, True)),
+    ("arm_and_throw", GOALS),
+    ("begin",),
+    ("cancel",),
+    ("stop",),
+    ("arm",),
+    ("heartbeat", (False, True)),
+    ("hush", (0.3, 0.5, 5.0)),
+)
 
 
 @pytest.fixture(scope="module")
@@ -210,6 +183,10 @@ def watched(planner: ThrowPlanner) -> Iterator[ArmFeasibility]:
 
 
 def test_no_sample_is_ever_outside_the_limits_and_a_stop_latches(watched: ArmFeasibility) -> None:
-    Reference.asked, Histories.feasibility = 0.0, watched
-    run_state_machine_as_test(Histories, settings=SETTINGS)
+    @contextmanager
+    def fresh() -> Iterator[Arm]:
+        yield Arm(watched)
+
+    Reference.asked = 0.0
+    try_histories(Histories(fresh, (), STEPS, length=14), "ARM_HISTORIES", 8)
     assert 0.3 < Reference.asked <= 1.0

@@ -1,28 +1,79 @@
 """Whatever happens to the nodes of a cell, in whatever order: in the end the buffer is what `rank` gives, and nothing is lost.
 
-Hypothesis makes up the histories and shortens those that fail. HISTORIES=100000 runs so many of them, none of which was run
-before; the default are a few, always the same.
+HISTORIES=100000 runs so many new histories; the default are a few, always the same.
 """
 
+import itertools
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import pytest
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, rule, run_state_machine_as_test
 
 from test.histories import numbers
-from test.histories.asked import histories
 from test.histories.cell import CRITERIA, NAMES, NUMBERED, SHIFTS_NS, Cell
+from test.histories.history import Histories, History, try_histories
 from test.histories.nodes import in_one_process
 
-SETTINGS = histories("HISTORIES", 30, 40)
 IN_MEMORY = Path("/dev/shm")
 """Where stores are written, if there is such a folder: a history commits hundreds of times."""
+COVERAGES = (0.5, 0.9, 1.0)
+CHANNELS = range(8)
+SOME_NAMES = tuple(some for count in range(len(NAMES) + 1) for some in itertools.combinations(NAMES, count))
 
-names, numbered = st.sampled_from(NAMES), st.integers(0, len(NUMBERED) - 1)
+
+@contextmanager
+def cell_in_memory(exact: bool, coverage: float) -> Iterator[Cell]:
+    with TemporaryDirectory(dir=IN_MEMORY if IN_MEMORY.is_dir() else None) as folder:
+        cell = Cell(Path(folder), exact, coverage)
+        try:
+            yield cell
+        finally:
+            cell.close()
+
+
+HISTORIES = Histories(
+    cell_in_memory,
+    ((False, True), COVERAGES),
+    (
+        ("cut",),
+        ("go_on", CHANNELS, range(1, 4)),
+        ("go_on", CHANNELS, range(4, 41)),
+        ("tick", NAMES),
+        ("kill", NAMES),
+        ("die_at", NAMES, range(1, 13)),
+        ("restart", NAMES),
+        ("repeat", NUMBERED),
+        ("reorder", NUMBERED),
+        ("drop", NUMBERED),
+        ("publish_theta", range(numbers.THETAS)),
+        ("rank_by", (2, 3), CRITERIA),
+        ("cover", COVERAGES),
+        ("set_clock", SHIFTS_NS),
+        ("end_throw", (False, True)),
+        ("play_again",),
+        ("save", NAMES),
+        ("lose_power", SOME_NAMES),
+        ("remove", NAMES),
+    ),
+    length=40,
+)
+FAILED: dict[str, History] = {
+    "a synced toss outlives the machine": (
+        ("begin", True, 0.9),
+        *(("cut",),) * 3,
+        ("come_to_rest",),
+        ("lose_power", ("keeper",)),
+    ),
+    "a message of a store that is gone comes before those of the next one": (
+        ("begin", False, 1.0),
+        ("cut",),
+        ("remove", "keeper"),
+        ("cut",),
+    ),
+}
+"""Histories that failed once, by what they showed."""
 
 
 @pytest.fixture(autouse=True)
@@ -31,114 +82,10 @@ def _in_one_process() -> Iterator[None]:
         yield
 
 
-class Histories(RuleBasedStateMachine):
-    """Each rule is a step of `Cell`."""
-
-    @initialize(exact=st.booleans(), coverage=st.sampled_from((0.5, 0.9, 1.0)))
-    def begin(self, exact: bool, coverage: float) -> None:
-        self.folder = TemporaryDirectory(dir=IN_MEMORY if IN_MEMORY.is_dir() else None)
-        self.cell = Cell(Path(self.folder.name), exact, coverage)
-        self.sound = True
-
-    def do(self, what: str, *how: Any) -> None:
-        """A step; where one failed there is nothing to be seen in the end."""
-        self.sound = False
-        getattr(self.cell, what)(*how)
-        self.sound = True
-
-    @rule()
-    def cut(self) -> None:
-        self.do("cut")
-
-    @rule(number=st.integers(0, 7), steps=st.integers(1, 3))
-    def go_on(self, number: int, steps: int) -> None:
-        self.do("go_on", number, steps)
-
-    @rule(number=st.integers(0, 7), steps=st.integers(4, 40))
-    def go_on_for_long(self, number: int, steps: int) -> None:
-        self.do("go_on", number, steps)
-
-    @rule(name=names)
-    def tick(self, name: str) -> None:
-        self.do("tick", name)
-
-    @rule(name=names)
-    def kill(self, name: str) -> None:
-        self.do("kill", name)
-
-    @rule(name=names, commits=st.integers(1, 12))
-    def die_at(self, name: str, commits: int) -> None:
-        self.do("die_at", name, commits)
-
-    @rule(name=names)
-    def restart(self, name: str) -> None:
-        self.do("restart", name)
-
-    @rule(channel=numbered, what=st.sampled_from(("repeat", "reorder", "drop")))
-    def disturb(self, channel: int, what: str) -> None:
-        self.do(what, channel)
-
-    @rule(number=st.integers(0, numbers.THETAS - 1))
-    def publish_theta(self, number: int) -> None:
-        self.do("publish_theta", number)
-
-    @rule(top=st.integers(2, 3), criterion=st.sampled_from(CRITERIA))
-    def rank_by(self, top: int, criterion: str) -> None:
-        self.do("rank_by", top, criterion)
-
-    @rule(coverage=st.sampled_from((0.5, 0.9, 1.0)))
-    def cover(self, coverage: float) -> None:
-        self.do("cover", coverage)
-
-    @rule(shift=st.integers(0, len(SHIFTS_NS) - 1))
-    def set_clock(self, shift: int) -> None:
-        self.do("set_clock", shift)
-
-    @rule(made=st.booleans())
-    def end_throw(self, made: bool) -> None:
-        self.do("end_throw", made)
-
-    @rule()
-    def play_again(self) -> None:
-        self.do("play_again")
-
-    @rule(name=names)
-    def save(self, name: str) -> None:
-        self.do("save", name)
-
-    @rule(lost=st.sets(names))
-    def lose_power(self, lost: set[str]) -> None:
-        self.do("lose_power", tuple(sorted(lost)))
-
-    @rule(name=names)
-    def remove(self, name: str) -> None:
-        self.do("remove", name)
-
-    def teardown(self) -> None:
-        try:
-            if self.sound:
-                self.cell.come_to_rest()
-                self.cell.check()
-        finally:
-            self.cell.close()
-            self.folder.cleanup()
-
-
-@pytest.fixture
-def cell(tmp_path: Path) -> Iterator[Cell]:
-    made = Cell(tmp_path, exact=True, coverage=0.9)
-    yield made
-    made.close()
-
-
-def test_tosses_that_were_announced_outlive_the_machine(cell: Cell) -> None:
-    for _ in range(3):
-        cell.cut()
-    cell.come_to_rest()
-    cell.lose_power(("keeper",))
-    cell.come_to_rest()
-    cell.check()
+@pytest.mark.parametrize("shown", FAILED)
+def test_a_history_that_failed_once_fails_no_more(shown: str) -> None:
+    HISTORIES.play(FAILED[shown])
 
 
 def test_after_any_history_the_buffer_is_what_rank_gives_and_nothing_is_lost() -> None:
-    run_state_machine_as_test(Histories, settings=SETTINGS)
+    try_histories(HISTORIES, "HISTORIES", 100)

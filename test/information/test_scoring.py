@@ -19,6 +19,7 @@ from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig, parameters_version
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
+from contact_curation.storage.stores.information import packed_information
 from test.simulated import RIG_NOISE, simulated_tosses
 
 CUBE = CONTACTNETS_CUBE
@@ -126,3 +127,56 @@ def test_losses_are_those_that_a_bound_is_chosen_from() -> None:
     bound = float(np.quantile(np.concatenate(losses), 0.985))
     free, held = (sum(info.trace for info in scored(TRUE, replace(EMPIRICAL, influence_bound=b))) for b in (np.inf, bound))
     assert held < 0.9 * free
+
+
+def unfinished(toss: Toss) -> Toss:
+    """A toss as it is known before its last velocities."""
+    linear, angular = toss.linear_velocities.copy(), toss.angular_velocities.copy()
+    linear[-1] += 0.01
+    angular[-1] -= 0.1
+    return replace(toss, linear_velocities=linear, angular_velocities=angular)
+
+
+@pytest.mark.parametrize("estimator", list(Estimator))
+@pytest.mark.parametrize("form", list(Form))
+def test_a_toss_that_was_begun_is_scored_to_the_same_bits(form: Form, estimator: Estimator) -> None:
+    scorer = Scorer(TRUE, CUBE, ScoringConfig(estimator=estimator, form=form, influence_bound=0.5))
+    for toss in TOSSES:
+        begun = scorer.begin(unfinished(toss))
+        assert begun is not None
+        assert_same_bits(begun.score(toss), scorer.score([toss])[0])
+
+
+def assert_same_bits(one: TossInformation | NotScored, other: TossInformation | NotScored) -> None:
+    assert isinstance(one, TossInformation)
+    assert isinstance(other, TossInformation)
+    assert (one.toss_id, one.parameters_version) == (other.toss_id, other.parameters_version)
+    assert packed_information(one) == packed_information(other)
+
+
+def test_a_toss_that_was_begun_is_not_scored_again_but_for_its_last_transition(monkeypatch: pytest.MonkeyPatch) -> None:
+    scorer = Scorer(TRUE, CUBE, ScoringConfig(form=Form.RIGID))
+    begun = scorer.begin(unfinished(TOSSES[0]))
+    assert begun is not None
+    monkeypatch.setattr(Scorer, "_sums", None)
+    assert isinstance(begun.score(TOSSES[0]), TossInformation)
+
+
+@pytest.mark.parametrize("changed", ["positions", "linear_velocities", "stamps_ns"])
+def test_a_toss_that_is_not_the_one_that_was_begun_is_scored_from_the_beginning(changed: str) -> None:
+    scorer = Scorer(TRUE, CUBE, ScoringConfig(form=Form.RIGID))
+    begun = scorer.begin(unfinished(TOSSES[0]))
+    values = getattr(TOSSES[0], changed).copy()
+    if changed == "stamps_ns":
+        values[5:] += 20_000_000
+    else:
+        values[5] += 1e-6
+    other = replace(TOSSES[0], **{changed: values})
+    assert begun is not None
+    assert_same_bits(begun.score(other), scorer.score([other])[0])
+
+
+def test_a_toss_of_one_transition_is_not_begun() -> None:
+    toss = TOSSES[0]
+    names = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
+    assert Scorer(TRUE, CUBE, ScoringConfig()).begin(replace(toss, **{name: getattr(toss, name)[:2] for name in names})) is None

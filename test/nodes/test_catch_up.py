@@ -4,6 +4,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.stages.records import Cursor
 
@@ -28,7 +29,7 @@ class Server:
     def create_client(self, service: Any, name: str) -> "Server":
         return self
 
-    def create_subscription(self, kind: Any, topic: str, heard: Callable[[Any], None], qos: Any) -> None:
+    def create_subscription(self, kind: Any, topic: str, heard: Callable[[Any], None], qos: Any, raw: bool) -> None:
         self.heard = heard
 
     def create_timer(self, period: float, tick: Callable[[], None], clock: Any) -> None:
@@ -88,10 +89,11 @@ def following(
     server: Server,
     cursor: Cursor = Cursor(),  # noqa: B008  (immutable)
     caught_up: Callable[[], None] = lambda: None,
+    read: Callable[[bytes], Any] | None = None,
 ) -> tuple[CatchUp, Hand, list[str]]:
     hand, taken = Hand(), list[str]()
     request = SimpleNamespace(Request=lambda after_sequence, limit: SimpleNamespace(after_sequence=after_sequence, limit=limit))
-    source = Source(object, "topic", request, "service", "items", PAGE)
+    source = Source(object, "topic", request, "service", "items", PAGE, read)
 
     def handle(messages: Any, _: Cursor) -> None:
         taken.extend(message.toss_id for message in messages)
@@ -99,6 +101,23 @@ def following(
     node: Any = server
     worker: Any = hand
     return CatchUp(node, worker, source, cursor, handle, caught_up), hand, taken
+
+
+def read_numbered(data: bytes) -> SimpleNamespace:
+    if not data:
+        raise InvalidValueError("bytes", "none", "a number")
+    return numbered(int(data))
+
+
+def test_what_cannot_be_read_on_the_topic_comes_from_the_service() -> None:
+    server = Server(0)
+    _, hand, taken = following(server, read=read_numbered)
+    server.stored = [numbered(1), numbered(2)]
+    server.heard(b"1")
+    assert server.questions == 0
+    server.heard(b"")
+    hand.work()
+    assert (taken, server.questions) == (expected(1, 2), 1)
 
 
 def expected(first: int, last: int, kind: str = "toss") -> list[str]:
@@ -222,3 +241,47 @@ def test_a_source_that_was_away_and_lost_its_last_records_is_taken_from_the_star
     server.tick()
     hand.work()
     assert taken == [*expected(1, 10), *expected(1, 7), *expected(8, 12, "other")]
+
+
+def test_a_late_message_of_a_store_that_was_re_created_does_not_stand_for_the_new_one_s() -> None:
+    server = Server(0)
+    _, hand, taken = following(server)
+    server.announce(1, "former")
+    server.stored = []
+    server.announce(1, "new")
+    server.announce(2, "new")
+    hand.work()
+    assert taken == ["former-1", "new-1", "new-2"]
+
+
+def test_a_repetition_costs_a_question_and_nothing_else() -> None:
+    server = Server(0)
+    _, hand, taken = following(server)
+    for number in (1, 2, 3):
+        server.announce(number)
+    server.heard(numbered(3))
+    assert server.questions == 0
+    server.heard(numbered(2))
+    hand.work()
+    assert server.questions == 1
+    server.announce(4)
+    hand.work()
+    assert (taken, server.questions) == (expected(1, 4), 1)
+
+
+def test_what_is_doubted_while_a_question_is_under_way_is_asked_again() -> None:
+    server = Server(3)
+    following_it, hand, taken = following(server)
+    server.tick()
+    hand.work()
+    server.alive = False
+    server.tick()
+    answer = following_it._asked
+    server.stored = [numbered(number, "new") for number in (1, 2, 3, 4)]
+    server.heard(server.stored[0])
+    server.alive = True
+    assert answer is not None
+    answer._response = SimpleNamespace(items=server.stored[3:], last_sequence=4)  # type: ignore[attr-defined]
+    following_it._answered(answer)
+    hand.work()
+    assert taken == [*expected(1, 3), *expected(1, 4, "new")]

@@ -1,5 +1,6 @@
 """`save_buffer` writes where the curator's owner allows it, and replaces what it may replace."""
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import pytest
 import rclpy
 from contact_curation_msgs.srv import SaveBuffer
+from rclpy.executors import SingleThreadedExecutor
 
 from contact_curation.nodes.curator import Curator
 from contact_curation.session.free_domain import free_domain
@@ -81,3 +83,18 @@ def test_another_folder_can_be_allowed(tmp_path: Path) -> None:
     with curator(tmp_path, f"save_folder:={allowed}") as node:
         assert saved(node, "kept.json").path == str(allowed / "kept.json")
         assert not saved(node, tmp_path / "kept.json").success
+
+
+def test_other_callbacks_run_while_a_manifest_waits_for_the_worker(tmp_path: Path) -> None:
+    with curator(tmp_path) as node:
+        executor, go_on = SingleThreadedExecutor(), threading.Event()
+        executor.add_node(node)
+        node._worker.do(go_on.wait)
+        asked = executor.create_task(node._asked_to_save, SaveBuffer.Request(path="kept.csv"), SaveBuffer.Response())
+        for _ in range(5):  # nothing in it waits for the worker
+            executor.spin_once(timeout_sec=0.0)
+        assert not asked.done()
+        go_on.set()
+        executor.spin_until_future_complete(asked, 10.0)
+        assert asked.result().success
+        executor.shutdown()

@@ -20,9 +20,9 @@ from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.stages.curation import CurationConfig, CurationStage
 from contact_curation.stages.records import Cursor
 from contact_curation.stages.scored_theta import ScoredTheta, theta_of_geometry
-from contact_curation.stages.scoring import ScoringStage, checked_body
+from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
 from contact_curation.stages.selection import StreamingSelection
-from contact_curation.storage.stores.information import InformationStore
+from contact_curation.storage.stores.information import InformationStore, packed_information
 from test.graph.parts.offline import scored
 from test.simulated import simulated_tosses
 
@@ -62,6 +62,29 @@ def test_a_toss_is_scored_once_however_often_it_comes(tmp_path: Path) -> None:
         again = stage.score(TOSSES[:4], FRAMES)
     assert [one.sequence for one in first.new] == [1, 2, 3]
     assert [one.information.toss_id for one in again.new] == [TOSSES[3].toss_id]
+
+
+def test_a_toss_that_was_begun_is_stored_as_if_it_had_not_been(tmp_path: Path) -> None:
+    for folder, ahead in ((tmp_path / "begun", True), (tmp_path / "whole", False)):
+        folder.mkdir()
+        with scoring(folder) as stage:
+            for toss in TOSSES[:2]:
+                if ahead:
+                    stage.begin(toss)
+                stage.score([toss], FRAMES)
+            if ahead:
+                stage.begin(TOSSES[2])
+            assert stage.renew(theta_of_geometry(LARGER))
+            stage.score(TOSSES[2:3], FRAMES)
+    begun, whole = ([one.information for one in every(tmp_path / name)] for name in ("begun", "whole"))
+    assert [packed_information(one) for one in begun] == [packed_information(one) for one in whole]
+    assert [one.parameters_version for one in begun] == [one.parameters_version for one in whole]
+    assert len(begun) == 3
+
+
+def every(folder: Path) -> tuple[Announcement, ...]:
+    with scoring(folder) as stage:
+        return stage.after(0, 10)
 
 
 def test_what_was_scored_and_not_announced_is_announced_after_a_death(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
@@ -324,3 +325,28 @@ def test_a_checkpoint_that_no_trainer_wrote_is_refused_in_one_line(tmp_path: Pat
 def test_rounds_cannot_be_cut_into_nothing(name: str) -> None:
     with pytest.raises(InvalidValueError, match=f"{name}: found 0, expected at least 1"):
         RoundsConfig(**{name: 0})
+
+
+def rigid(data: Rows) -> Model:
+    return model_class("polytope").initial(CONTACTNETS_CUBE, Form.RIGID, data, np.random.default_rng(0))
+
+
+def test_a_round_says_what_its_model_lacks(tmp_path: Path) -> None:
+    """Of tosses that bounce, as far as the model does not."""
+    geometry = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3)
+    for name, bouncing, config, said in (
+        ("bouncing", True, exact(), ["the body bounces"]),
+        ("learned", True, replace(exact(), restitution=True), []),
+        ("still", False, exact(), []),
+    ):
+        thrown = simulated_tosses(8, 3, geometry=geometry if bouncing else None)
+        with TossStore(tmp_path / f"{name}.sqlite") as kept:
+            (tmp_path / name).mkdir()
+            path = tmp_path / name / "model.safetensors"
+            trained = TrainingStage(rigid, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, kept, path)
+            assert trained.misfits() == ()
+            for toss in thrown:
+                trained.add(toss)
+            trained.follow(SelectedSet(1, 8, tuple(toss.toss_id for toss in thrown)))
+            trained.advance()
+            assert [line.partition(":")[0] for line in trained.misfits()] == said

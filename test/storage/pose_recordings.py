@@ -8,7 +8,7 @@ from rosbags.typesys import get_types_from_msg
 
 from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector
 from contact_curation.motion.pose_stream import FramePose
-from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF, TRANSFORM
 from test.storage.written_bags import JAZZY, NOETIC, Sent
 
 NOETIC.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))  # rosbags' set for ROS 1 lacks it
@@ -32,6 +32,8 @@ def message(type_name: str, one: FramePose, store: Any = JAZZY) -> Any:
         return types[POSE_ARRAY](head, [other, pose])
     if type_name == TF:
         return transforms([one], store)
+    if type_name == TRANSFORM:
+        return transforms([one], store).transforms[0]
     with_covariance = types["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
     if type_name == POSE_WITH_COVARIANCE:
         return types[POSE_WITH_COVARIANCE](head, with_covariance)

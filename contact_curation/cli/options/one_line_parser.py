@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from itertools import takewhile
+from pathlib import Path
 from typing import Any, Never
 
 from contact_curation.errors import did_you_mean
@@ -75,6 +76,12 @@ class OneLineParser(argparse.ArgumentParser):
             return f"found {' '.join(words)} after the last input, expected options before it or nothing"
         near = [RENAMED[name]] if RENAMED.get(name) in options else get_close_matches(name, options, 1)
         return f"unknown option {name}" + (f": did you mean {near[0]}?" if near else f": {self.prog} --help lists its options")
+
+    def _get_value(self, action: argparse.Action, text: str) -> Any:
+        """Converts a value as argparse does; no word is no path, though Python takes it for the current folder."""
+        if not text and action.type is Path:
+            raise argparse.ArgumentError(action, "found '', expected a path")
+        return super()._get_value(action, text)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """Checks a value as argparse does; the message suggests a similar word."""

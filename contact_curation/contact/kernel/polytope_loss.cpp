@@ -20,6 +20,8 @@ void evaluate_toss(const BouncingModel &model, const Evaluation &job, int64_t to
   const int parameters = parameter_count(model), stride = profile.stride();
   const bool scores = job.score || job.score_sum || (job.fisher && job.estimator == kEmpirical);
   std::fill(fisher.begin(), fisher.end(), 0.0);
+  double *out = job.fisher ? job.fisher + toss * parameters * parameters : nullptr;
+  for (int a = 0; out && a < parameters; ++a) std::copy_n(out + a * parameters, a + 1, fisher.begin() + a * stride);
   const int64_t begin = job.starts[toss], end = job.starts[toss + 1];
   for (int64_t first = begin; first < end; first += kLanes) {
     at.find(model, job, first, end, scores);
@@ -49,9 +51,7 @@ void evaluate_toss(const BouncingModel &model, const Evaluation &job, int64_t to
         profile.add(at.transition, at.problem, at.solution, at.outcome, lane, influence * influence, fisher.data(), stride);
     }
   }
-  if (!job.fisher) return;
-  double *out = job.fisher + toss * parameters * parameters;
-  for (int a = 0; a < parameters; ++a)
+  for (int a = 0; out && a < parameters; ++a)
     for (int b = 0; b <= a; ++b) out[a * parameters + b] = out[b * parameters + a] = fisher[a * stride + b];
 }
 

@@ -26,8 +26,8 @@ struct Evaluation {
   double *residual;        // (N,)
   int32_t *status;         // (N,)
   int32_t *iterations;     // (N,)
-  double *fisher;          // (T, P, P)
-  double *score_sum;       // (T, P)
+  double *fisher;          // (T, P, P), symmetric, added to; as row after row gives it, whatever was added before
+  double *score_sum;       // (T, P), likewise
 };
 
 struct SolvedRows {

@@ -3,8 +3,8 @@
 //
 //   phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
 //
-// A body that bounces is where a mirror in the ground shows it: the depth min(0, c_i) that a contact would reach without any
-// impulse, c_i = phi_i + dt J_n,i v_f, is given back e times, so that e c_i is added to phi'_i and c_i where c_i < 0
+// A body that bounces is where a mirror in the ground shows it: the depth d_i = min(0, c_i - min(0, phi_i)) that a contact would
+// gain without any impulse, c_i = phi_i + dt J_n,i v_f, is given back e times, so that e d_i is added to phi'_i and c_i
 // (method.md 1.2).
 #pragma once
 
@@ -66,7 +66,7 @@ struct Transition {
   Lane free_velocity[6], velocity_next[6];
   Lane normal_body[3], tangents_body[2][3], normal_body_next[3];
   Lane gap[kMaxContacts], gap_next[kMaxContacts];  // the latter less what is given back of a depth
-  Lane depth[kMaxContacts];                        // min(0, c_i), of bodies that bounce
+  Lane depth[kMaxContacts];                        // d_i, of bodies that bounce
   Lane slip[kMaxContacts][2], slip_speed[kMaxContacts];
 
   // Reads rows first .. first + 7, the last one repeated past `end`.
@@ -119,7 +119,7 @@ struct Transition {
       for (int a = 0; a < 6; ++a) problem.slack_row[i][a] = dt * row[a];
       problem.slack_offset[i] = gap[i] + dot<6>(problem.slack_row[i], free_velocity);
       if (model.bounces) {
-        depth[i] = negative_part(problem.slack_offset[i]);
+        depth[i] = negative_part(problem.slack_offset[i] - negative_part(gap[i]));
         gap_next[i] += model.restitution * depth[i];
         problem.slack_offset[i] += model.restitution * depth[i];
       }
@@ -221,15 +221,16 @@ struct Outcome {
       d_height -= closing + sinking;
       if (model.bounces) {
         const Lane given_back = select(at.depth[i] < 0.0, model.restitution * (closing + sinking), broadcast(0.0));
+        const Lane from_above = select(at.gap[i] < 0.0, broadcast(0.0), given_back);
         Lane falling[3];
         cross(at.normal_body, at.free_velocity + 3, falling);
         cross(at.free_velocity + 3, p, lever);
         rotate(at.rotation, lever, world);
         for (int a = 0; a < 3; ++a) {
-          d_vertices[3 * i + a] += given_back * (at.normal_body[a] + at.dt * falling[a]);
-          d_normal[a] += given_back * (arm[a] + at.position[a] + at.dt * (at.free_velocity[a] + world[a]));
+          d_vertices[3 * i + a] += from_above * at.normal_body[a] + given_back * at.dt * falling[a];
+          d_normal[a] += from_above * (arm[a] + at.position[a]) + given_back * at.dt * (at.free_velocity[a] + world[a]);
         }
-        d_height -= given_back;
+        d_height -= from_above;
         d_tangents[7] += (closing + sinking) * at.depth[i];
       }
       const LaneMask sliding = at.slip_speed[i] > 0.0;

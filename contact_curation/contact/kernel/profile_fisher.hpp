@@ -82,7 +82,7 @@ class ProfileFisher {
       moving_[a] = free_[a] + outcome.change[a][lane];
     }
     for (int i = 0; i < contacts_; ++i) {
-      gap_next_[i] = at.gap_next[i][lane], slack_[i] = outcome.slack[i][lane];
+      gap_[i] = at.gap[i][lane], gap_next_[i] = at.gap_next[i][lane], slack_[i] = outcome.slack[i][lane];
       depth_[i] = model_.bounces ? at.depth[i][lane] : 0.0;
       speed_[i] = at.slip_speed[i][lane];
       for (int t = 0; t < 2; ++t) slip_[i][t] = at.slip[i][t][lane];
@@ -189,12 +189,16 @@ class ProfileFisher {
     return slopes;
   }
 
-  // Slopes of the restitution term e min(0, c_i) of contact i: by its vertex (3), the normal (3) and the height (1).
+  // Slopes of the restitution term e times the depth of contact i: by its vertex (3), the normal (3) and the height (1).
   void differentiate_restitution(int i, double *slope) const {
-    const double share = depth_[i] < 0.0 ? model_.restitution : 0.0;
-    const GapSlopes gap = gap_slopes_after(i, free_);
-    for (int a = 0; a < 3; ++a) slope[a] = share * gap.vertex[a], slope[3 + a] = share * gap.normal[a];
-    slope[6] = -share;
+    const double share = depth_[i] < 0.0 ? model_.restitution : 0.0, still[6] = {0, 0, 0, 0, 0, 0};
+    const double from_above = gap_[i] < 0.0 ? 0.0 : 1.0;  // else the gap before is left out of the depth
+    const GapSlopes after = gap_slopes_after(i, free_), before = gap_slopes_after(i, still);
+    for (int a = 0; a < 3; ++a) {
+      slope[a] = share * (after.vertex[a] - (1.0 - from_above) * before.vertex[a]);
+      slope[3 + a] = share * (after.normal[a] - (1.0 - from_above) * before.normal[a]);
+    }
+    slope[6] = -share * from_above;
   }
 
   // Per contact: the closed-gap row and the two rows of e_i, each on its own few columns.
@@ -392,7 +396,7 @@ class ProfileFisher {
   int contacts_, parameters_, stride_, active_ = 0;
   double dt_, rotation_[3][3], rotation_next_[3][3], position_[3], position_next_[3];
   double normal_body_[3], normal_body_next_[3], tangents_body_[2][3], velocity_next_[6], moving_[6], free_[6];
-  double gap_next_[kMaxContacts], depth_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
+  double gap_[kMaxContacts], gap_next_[kMaxContacts], depth_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
   double impulse_[kMaxContacts][3], gradient_[kMaxContacts][3], motion_[kMaxContacts][3][6];
   double slack_row_[kMaxContacts][6], block_[kMaxContacts][6];
   double moved_[3 * kMaxContacts][6], gram_[3 * kMaxContacts][3 * kMaxContacts];

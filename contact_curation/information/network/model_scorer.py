@@ -13,7 +13,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.config import Device, NetworkConfig
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.record import ParameterBlock, TossInformation
-from contact_curation.information.scoring import NotScored, Scorer, ScoringConfig
+from contact_curation.information.scoring import BegunToss, NotScored, Scorer, ScoringConfig
 from contact_curation.motion.toss import Toss
 
 if TYPE_CHECKING:
@@ -39,6 +39,9 @@ class TossScorer(Protocol):
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
         """The information of each toss, in the order given."""
+
+    def begin(self, toss: Toss) -> BegunToss | None:
+        """Scores what can be scored of a toss whose last velocities are not known yet; None where nothing can."""
 
 
 def scorer_of_model(

@@ -21,6 +21,8 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Spread, paired_spread, spread
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
+from contact_curation.learning.evaluation.shape_errors import ShapeErrors
+from contact_curation.learning.evaluation.shape_errors import shape_errors as shape_errors
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import periods_of, states_of, transitions_of
 
@@ -45,22 +47,6 @@ class EvaluationConfig:
     sweeps: SweepLimits = DEFAULT_LIMITS
     bootstrap: BootstrapConfig = field(default_factory=BootstrapConfig)
     threads: int = 1
-
-
-class ShapeErrors(NamedTuple):
-    """A model's shape and friction against the body as described.
-
-    Attributes:
-        vertex_rms: root mean square distance of the vertices [characteristic lengths].
-        vertex_rms_mm: the same [mm].
-        friction: the model's coefficient.
-        friction_error: what it is above the body's.
-    """
-
-    vertex_rms: float
-    vertex_rms_mm: float
-    friction: float
-    friction_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,17 +167,6 @@ def transition_losses(model: Model, rows: Rows, config: LossConfig) -> tuple[Arr
         batches = [model.batch_loss(piece, config) for piece in pieces]
     losses, solved = (torch.cat([getattr(batch, name) for batch in batches]).cpu().numpy() for name in ("losses", "solved"))
     return losses, solved
-
-
-def shape_errors(model: Model) -> ShapeErrors | None:
-    """Errors of a model's vertices and friction; None for a model that is no polytope."""
-    geometry, body = model.geometry(), model.body
-    if geometry is None:
-        return None
-    off = float(np.sqrt(np.square(geometry.vertices_normal - body.scaled_vertices).sum(axis=1).mean()))
-    # A contact pushes with n l_n + T^T l_t, |l_t| <= l_n: friction is |T| / |n|, the geometric mean where directions differ.
-    friction = float(np.sqrt(np.linalg.svd(geometry.tangents, compute_uv=False).prod()) / np.linalg.norm(geometry.normal))
-    return ShapeErrors(off, 1e3 * off * body.length_scale, friction, friction - body.friction)
 
 
 class Summary(NamedTuple):

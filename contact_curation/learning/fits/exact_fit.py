@@ -4,6 +4,10 @@ Every fit starts at theta_0 with a level ground at the board's zero. theta_0 is 
 parameters without information (learning/fits/held_fit.py). So the result follows from theta_0 and the data alone, not from
 earlier training, and a fit that was killed gives the same digits when it is repeated.
 
+The sum has several minima, most of all for bodies that are no boxes: a vertex is lost, and another takes over its impulses.
+So a fit may start several times: at theta_0, at the body as described, and at this body with perturbed vertices. All starts
+have one sum, with equal variances; the fit goes on from the lowest minimum. The prior's mean stays theta_0.
+
 A share of the transitions, those that are explained worst, may be left out: least trimmed squares (Rousseeuw 1984; with
 concentration steps, Rousseeuw and Van Driessen 2006), with losses for squares. The fit is repeated until the same transitions
 are left out.
@@ -12,6 +16,7 @@ otherwise bias the friction (docs/explanation/learning.md).
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -25,11 +30,14 @@ from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
+from contact_curation.learning.fits.held_fit import HeldFit, HeldFitConfig, fit_held
 from contact_curation.motion.transitions import Transitions
 
 CONCENTRATIONS = 4
 """Largest number of fits after the first one, each without the transitions that the previous fit explains worst."""
+
+PERTURBED = 0.15
+"""Standard deviation of the vertices of further starts about the body as described [characteristic lengths]."""
 
 
 class Optimum(NamedTuple):
@@ -61,18 +69,19 @@ def theta_0(model: Model) -> PolytopeModel:
     return PolytopeModel(level, model.body, Form(form))
 
 
-def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: float) -> Optimum:
-    """Fits a polytope to tosses, starting at `theta_0`.
+def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: float, starts: int = 1) -> Optimum:
+    """Fits a polytope to tosses, starting at `theta_0`, and elsewhere.
 
     Args:
         start: theta_0; it is not changed.
         data: transitions of at least one toss.
         loss: weights and solver of the loss.
         trimmed: share of the transitions that is left out, from 0 to less than 1.
+        starts: how many starts, at least 1.
     """
     config = HeldFitConfig(loss=loss)
     with np.errstate(all="ignore"):  # `Optimum.finite` reports numbers that are not finite
-        found = fit_held(start, data, config)
+        found = fit_held(start, data, config) if starts == 1 else _from_lowest(start, data, config, starts)
         steps, kept = found.steps, np.ones(len(data.dt), dtype=bool)
         for _ in range(CONCENTRATIONS if trimmed else 0):
             before, kept = kept, _explained(found.model, data, loss, trimmed)
@@ -81,6 +90,30 @@ def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: 
             found = fit_held(found.model, _only(data, kept), config, origin=start)
             steps += found.steps
     return Optimum(found.model, steps, bool(np.isfinite(found.objective)))
+
+
+def lowest_minimum(origin: PolytopeModel, data: Transitions, config: HeldFitConfig, starts: int) -> HeldFit:
+    """The lowest of the minima that several starts reach, of the sum with equal variances; with the steps of all."""
+    early = replace(config, renewals=0)
+    minima = [fit_held(origin, data, early)]
+    minima += [fit_held(start, data, early, origin) for start in _elsewhere(origin, starts - 1)]
+    best = min(minima, key=lambda one: one.objective if np.isfinite(one.objective) else np.inf)
+    return best._replace(steps=sum(one.steps for one in minima))
+
+
+def _from_lowest(origin: PolytopeModel, data: Transitions, config: HeldFitConfig, starts: int) -> HeldFit:
+    best = lowest_minimum(origin, data, config, starts)
+    found = fit_held(best.model, data, config, origin)
+    return found._replace(steps=found.steps + best.steps)
+
+
+def _elsewhere(origin: PolytopeModel, count: int) -> Iterator[PolytopeModel]:
+    """Models over the ground of theta_0 with the vertices of the body as described, all but the first of them perturbed."""
+    geometry, body = origin.geometry(), origin.body
+    for number in range(count):
+        noise = PERTURBED * np.random.default_rng(number).standard_normal(body.vertices.shape) * bool(number)
+        vertices = body.scaled_vertices + noise
+        yield PolytopeModel(replace(geometry, vertices_normal=vertices, vertices_tangent=vertices), body, origin.form)
 
 
 def _explained(model: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: float) -> NDArray[np.bool_]:

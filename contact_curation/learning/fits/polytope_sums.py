@@ -18,6 +18,9 @@ from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import Transitions
 
+RESTITUTION_PLACE = -5
+"""Of the rigid form's theta: before friction, tilt (2) and height."""
+
 
 @dataclass(frozen=True, eq=False)
 class PolytopeSums:
@@ -81,6 +84,16 @@ def moved(model: PolytopeModel, step: Array) -> PolytopeModel:
 def fitted_form(model: PolytopeModel) -> Form:
     """The form in which a polytope is fitted: its own, or the physical form for a model in the contactnets form."""
     return Form.RIGID if model.form is Form.RIGID else Form.PHYSICAL
+
+
+def fixed_restitution(model: PolytopeModel, score: Array, held: bool) -> int | None:
+    """The place in theta of a restitution that no step may move: it is held, or the score (P,) points beyond its bound."""
+    restitution = model.geometry().restitution
+    if restitution is None:
+        return None
+    place = len(score) + RESTITUTION_PLACE
+    beyond = (restitution <= 0.0 and score[place] < 0.0) or (restitution >= 1.0 and score[place] > 0.0)
+    return place if held or beyond else None
 
 
 def physical_difference(geometry: ContactGeometry, origin: ContactGeometry) -> Array:

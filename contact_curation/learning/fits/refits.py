@@ -27,7 +27,13 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
 from contact_curation.learning.fits.held_fit import HeldFitConfig, HeldSum, fit_held
 from contact_curation.learning.fits.learned_noise import learned_noise
-from contact_curation.learning.fits.polytope_sums import PolytopeSums, moved, polytope_sums
+from contact_curation.learning.fits.polytope_sums import (
+    RESTITUTION_PLACE,
+    PolytopeSums,
+    fixed_restitution,
+    moved,
+    polytope_sums,
+)
 from contact_curation.motion.transitions import Transitions
 
 SUFFICIENT, SHORTER, SHORTEST = 1e-4, 0.3, 1e-6
@@ -128,10 +134,7 @@ class RefitPool:
     @cached_property
     def _unweighted(self) -> tuple[Array, Array]:
         """(N,) losses, NaN if not solved, and (N,) impulses of all transitions at the optimum of all."""
-        data, geometry = self.data, self.model.geometry()
-        found = evaluate(geometry, self.model.body, data.before, data.after, data.dt, self.config.fit.loss)
-        impulses = predicted_impulses(geometry, self.model.body, data.before, data.dt)
-        return np.where(found.solved, found.losses, np.nan), impulses
+        return self._at(self.model, self.data)
 
     def hessian(self, step: float = 1e-4) -> Array:
         """(P, P) half the exact Hessian of the sum of all tosses at their optimum, by central differences of exact scores."""
@@ -148,7 +151,7 @@ class RefitPool:
         weights, solved = 1.0 / noise.variances(impulses), np.isfinite(losses)
         share = float((weights * losses)[solved].sum() / losses[solved].sum())
         sigma = self.config.fit.noise[-1] * share
-        return HeldSum(data, np.ones(len(data.toss_ids)), self.config.fit, self.origin.geometry(), sigma, weights)
+        return HeldSum(data, np.ones(len(data.toss_ids)), self.config.fit, self.origin.geometry(), sigma, weights, True)
 
     def refit(self, chosen: Indices) -> Refit:
         """The optimum of some tosses.
@@ -159,6 +162,9 @@ class RefitPool:
         data, rows = subset(self.data, chosen)
         losses, impulses = (each[rows] for each in self._unweighted)
         model, evaluations, converged, objective = self.model, 0, False, np.nan
+        if model.geometry().restitution is not None:
+            model, evaluations = self._restituted(data, chosen)
+            losses, impulses = self._at(model, data)
         for renewal in range(self.config.fit.renewals):
             if renewal:
                 impulses = predicted_impulses(model.geometry(), model.body, data.before, data.dt)
@@ -170,6 +176,22 @@ class RefitPool:
             model, losses, objective = found.point.model, found.point.losses, found.point.objective
             evaluations, converged = evaluations + found.evaluations, found.converged
         return Refit(model, held, objective, evaluations, converged)
+
+    def _restituted(self, data: Transitions, chosen: Indices) -> tuple[PolytopeModel, int]:
+        """The optimum of some tosses with equal variances, by which `held_fit` learns a restitution, and its evaluations."""
+        noise = self.config.fit.noise[-1]
+        held = HeldSum(data, np.ones(len(data.toss_ids)), self.config.fit, self.origin.geometry(), noise, np.ones(len(data.dt)))
+        fishers = polytope_sums(self.model, data, Estimator.GAUSS_NEWTON, self.config.fit.loss, held.weights).fishers
+        information = fishers.sum(axis=0) + np.diag(held.curvature(fishers.shape[1]))
+        found = _descend(self.model, partial(_point, held), np.linalg.inv(information), self.config)
+        return found.point.model, found.evaluations
+
+    def _at(self, model: PolytopeModel, data: Transitions) -> tuple[Array, Array]:
+        """(N,) losses, NaN if not solved, and (N,) impulses of transitions at a model."""
+        geometry = model.geometry()
+        found = evaluate(geometry, model.body, data.before, data.after, data.dt, self.config.fit.loss)
+        impulses = predicted_impulses(geometry, model.body, data.before, data.dt)
+        return np.where(found.solved, found.losses, np.nan), impulses
 
 
 def subset(data: Transitions, chosen: Indices) -> tuple[Transitions, Indices]:
@@ -187,6 +209,9 @@ def _point(held: HeldSum, model: PolytopeModel) -> _Point:
     counted = np.where(found.solved, weights * held.counts[data.toss_index], 0.0)
     score = (counted @ np.nan_to_num(found.scores)) @ parameter_form(geometry, Form.RIGID).chart
     objective, slope = held.held(model, float(counted @ np.nan_to_num(found.losses)), score)
+    place = fixed_restitution(model, slope, held.restitution_held)
+    if place is not None:
+        slope[place] = 0.0
     return _Point(model, objective, slope, np.where(found.solved, found.losses, np.nan))
 
 
@@ -194,7 +219,7 @@ def _descend(start: PolytopeModel, at: Callable[[PolytopeModel], _Point], invers
     """Quasi-Newton steps from a model, with (P, P) the inverse of half the Hessian to begin with."""
     here, evaluations = at(start), 1
     for _ in range(config.steps):
-        direction = inverse @ here.score
+        direction = _within_bounds(here, inverse @ here.score)
         promised = float(here.score @ direction)  # by the whole step, if H were right
         if promised <= config.tolerance * here.objective:
             return _Descent(here, evaluations, True)
@@ -209,6 +234,13 @@ def _descend(start: PolytopeModel, at: Callable[[PolytopeModel], _Point], invers
         inverse = _corrected(inverse, share * direction, here.score - there.score)
         here = there
     return _Descent(here, evaluations, False)
+
+
+def _within_bounds(here: _Point, direction: Array) -> Array:
+    """The direction (P,), along the bound of a restitution that may not move: the score there is 0."""
+    place = len(direction) + RESTITUTION_PLACE
+    fixed = here.model.geometry().restitution is not None and here.score[place] == 0.0
+    return np.where(np.arange(len(direction)) == place, 0.0, direction) if fixed else direction
 
 
 def _corrected(inverse: Array, step: Array, change: Array) -> Array:

@@ -93,9 +93,10 @@ class TrainingConfig:
         ground: weight of the squared height of the ground, where one is learned (learning/training/objective.py).
         influence: bound on the influence of large losses.
         loss: weights, cone and solver.
-        exact: whether a polytope's optimum is taken at once; then form, loss, `trimmed` and `restitution` are all of this that
-            counts.
+        exact: whether a polytope's optimum is taken at once; then form, loss, `trimmed`, `starts` and `restitution` are all of
+            this that counts.
         trimmed: share of the transitions that an exact fit leaves out, those that it explains worst.
+        starts: how many starts an exact fit has, of which the lowest minimum counts (learning/fits/exact_fit.py).
         restitution: whether an exact fit in the rigid form learns one.
     """
 
@@ -114,10 +115,11 @@ class TrainingConfig:
     loss: LossConfig = DEFAULT_LOSS
     exact: bool = False
     trimmed: float = 0.0
+    starts: int = 1
     restitution: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("batch", "steps", "epochs", "evaluation_steps"):
+        for name in ("batch", "steps", "epochs", "evaluation_steps", "starts"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise InvalidValueError(name, value, "at least 1")

@@ -250,7 +250,7 @@ class Training:
         with torch.no_grad():
             batch = self.model.batch_loss(rows, self.config.loss)
         failure = self._nonfinite(batch.losses.numpy(), batch.solved.numpy(), rows, np.arange(len(rows.dt)))
-        found = None if failure else optimum(origin, self._data, self.config.loss, self.config.trimmed)
+        found = None if failure else optimum(origin, self._data, self.config.loss, self.config.trimmed, self.config.starts)
         if found is None or not found.finite:
             self._end(TrainingState.FAILED, failure or "the sum that the fit minimises is not finite")
             return

@@ -31,6 +31,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
@@ -162,10 +163,15 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
         vertices=_vertices(model, both),
         noise_variance=variance,
         directions=identifiable_subspace(information).dimension,
-        to_optimum=float(np.abs(newton / deviations[0]).max()),
+        to_optimum=float(np.abs(newton / deviations[0])[_weighted(model)].max()),
         tosses=len(fitted.toss_ids),
         not_solved=int(sums.not_solved.sum()),
     )
+
+
+def _weighted(model: PolytopeModel) -> NDArray[np.bool_]:
+    """(P,) the parameters whose optimum is that of the weighted losses: all but a restitution (learning/fits/held_fit.py)."""
+    return np.array([name != "restitution" for name in _form(model).names()])
 
 
 def noise_variance(model: PolytopeModel, others: Transitions, loss: LossConfig) -> float:

@@ -8,7 +8,7 @@ from contact_curation_msgs.msg import TossRejected
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.nodes.messages.bounds import (
     LARGEST_POSITION,
     LARGEST_SPEED,
@@ -17,7 +17,8 @@ from contact_curation.nodes.messages.bounds import (
     check_numbers,
     check_size,
 )
-from contact_curation.nodes.messages.headers import Stamped, check_format, header_message, nanoseconds_of, time_message
+from contact_curation.nodes.messages.headers import Stamped, check_format, header_message, time_message
+from contact_curation.nodes.messages.toss_bytes import TossArrays
 
 
 def toss_message(toss: Toss, sequence: int, board_frame: str) -> TossMessage:
@@ -50,6 +51,9 @@ def toss_message(toss: Toss, sequence: int, board_frame: str) -> TossMessage:
 def toss_of(message: Any) -> Toss:
     """Reads the toss of a message, with the same bits.
 
+    Args:
+        message: Toss message, or what `toss_bytes.toss_in` read.
+
     Raises:
         InvalidValueError: the format is newer, arrays have different lengths, there are too many frames, or a number is out of
             bounds.
@@ -57,17 +61,17 @@ def toss_of(message: Any) -> Toss:
     check_format(message)
     for name in ("stamps", "poses", "linear_velocities", "body_angular_velocities"):
         check_size(f"{name} of toss {message.toss_id[:80]}", getattr(message, name), MOST_FRAMES)
-    orientations = [[p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z] for p in message.poses]
+    stamps, poses, linear, angular = _arrays(message)
     toss = Toss(
         toss_id=message.toss_id,
         body=message.body,
         source=message.source,
         frame_period=message.frame_period,
-        stamps_ns=np.array([nanoseconds_of(stamp) for stamp in message.stamps], dtype=np.int64),
-        positions=_rows([[p.position.x, p.position.y, p.position.z] for p in message.poses], 3),
-        orientations_wxyz=_rows(orientations, 4),
-        linear_velocities=_rows([[v.x, v.y, v.z] for v in message.linear_velocities], 3),
-        angular_velocities=_rows([[v.x, v.y, v.z] for v in message.body_angular_velocities], 3),
+        stamps_ns=stamps[:, 0] * np.int64(NANOSECONDS) + stamps[:, 1],
+        positions=poses[:, :3],
+        orientations_wxyz=np.roll(poses[:, 3:], 1, axis=1),
+        linear_velocities=linear,
+        angular_velocities=angular,
     )
     check_numbers(f"positions [m] of toss {toss.toss_id}", toss.positions, LARGEST_POSITION)
     check_numbers(f"linear velocities [m/s] of toss {toss.toss_id}", toss.linear_velocities, LARGEST_SPEED)
@@ -91,6 +95,19 @@ def rejected_message(rejected: Rejected, board_frame: str) -> TossRejected:
 
 def _vectors(rows: Array) -> list[Vector3]:
     return [Vector3(x=x, y=y, z=z) for x, y, z in rows.tolist()]
+
+
+def _arrays(message: Any) -> tuple[Array, ...]:
+    """Stamps (T, 2), poses (T, 7) in xyzw, linear and angular velocities (T, 3) of a message."""
+    if isinstance(message, TossArrays):
+        return message.stamps, message.poses, message.linear_velocities, message.body_angular_velocities
+    poses = [(p.position, p.orientation) for p in message.poses]
+    return (
+        np.array([[stamp.sec, stamp.nanosec] for stamp in message.stamps], dtype=np.int64).reshape(-1, 2),
+        _rows([[p.x, p.y, p.z, q.x, q.y, q.z, q.w] for p, q in poses], 7),
+        _rows([[v.x, v.y, v.z] for v in message.linear_velocities], 3),
+        _rows([[v.x, v.y, v.z] for v in message.body_angular_velocities], 3),
+    )
 
 
 def _rows(values: list[list[float]], width: int) -> Array:

@@ -1,5 +1,7 @@
 """Makes TrainingStatus messages, from the state of the training and the errors of held-out motions."""
 
+from collections.abc import Sequence
+
 from contact_curation_msgs.msg import TrainingStatus
 
 from contact_curation.learning.training.progress import TrainingState
@@ -35,7 +37,12 @@ def waiting_message(kind: str, revision: int, stamped: Stamped) -> TrainingStatu
 
 
 def status_message(
-    moment: Moment, version: str, errors: HeldOutErrors, stamped: Stamped, rests_on: int | None
+    moment: Moment,
+    version: str,
+    errors: HeldOutErrors,
+    stamped: Stamped,
+    rests_on: int | None,
+    misfits: Sequence[str] = (),
 ) -> TrainingStatus:
     """The status of the training at a moment.
 
@@ -45,10 +52,11 @@ def status_message(
         errors: errors of the motions that they predict for held-out tosses.
         stamped: stamp and frame of the newest buffer.
         rests_on: revision of the buffer for which nothing is left to train; None while a round is needed.
+        misfits: what the model lacks by the tosses that it learned from, one line each.
     """
     progress = moment.progress
     state = STATES[progress.state]
-    lost = f"{errors.not_finite} held-out motions are not finite"
+    lost = [f"{errors.not_finite} held-out motions are not finite"] if errors.not_finite else []
     return TrainingStatus(
         format_version=TrainingStatus.FORMAT_VERSION,
         header=header_message(stamped),
@@ -62,5 +70,5 @@ def status_message(
         position_error=errors.position,
         rotation_error=errors.rotation,
         state=TrainingStatus.WAITING if rests_on is not None and state == TrainingStatus.CONVERGED else state,
-        detail=progress.reason if state == TrainingStatus.FAILED else lost * bool(errors.not_finite),
+        detail=progress.reason if state == TrainingStatus.FAILED else "; ".join([*lost, *misfits]),
     )

@@ -3,7 +3,8 @@
 A node stores what it publishes, and numbers it from 1. The topic is fast, the service is complete. A listener that starts late,
 was killed, or finds a number missing requests from the service what follows its last message. It also does so once a second,
 which costs little and finds messages that were stored but never announced. If the store was re-created, numbers start from 1
-again, and everything is requested.
+again, and everything is requested. A number that comes again may be a sign of that, so the source is asked what has the number
+of the cursor.
 """
 
 import threading
@@ -16,6 +17,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.stages.records import Cursor
@@ -38,6 +40,7 @@ class Source:
         service_name: name of the service.
         field: field of the response that contains the messages.
         page: largest number of messages in a response.
+        read: makes a message of its bytes, where arrays are faster than rclpy's objects; None to take rclpy's.
     """
 
     message: Any
@@ -46,6 +49,7 @@ class Source:
     service_name: str
     field: str
     page: int
+    read: Callable[[bytes], Any] | None = None
 
 
 class CatchUp:
@@ -76,12 +80,14 @@ class CatchUp:
         self._cursor = self._handled = cursor
         self._newest = cursor.sequence
         self._confirmed = cursor.sequence == 0
+        self._checking = False
         self._generation = 0
         self._lock = threading.RLock()
         self._asked: Future | None = None
         self._silent = 0
         self._client = node.create_client(source.service, source.service_name)
-        node.create_subscription(source.message, source.topic, self._heard, latched(RESULTS_DEPTH))
+        raw = source.read is not None
+        node.create_subscription(source.message, source.topic, self._heard, latched(RESULTS_DEPTH), raw=raw)
         node.create_timer(PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     @property
@@ -102,13 +108,20 @@ class CatchUp:
             self._drop_question()
         self._ask()
 
-    def _heard(self, message: Any) -> None:
+    def _heard(self, heard: Any) -> None:
         """Takes a message of the topic if it is the next one; otherwise sends a request."""
+        try:
+            message = heard if self._source.read is None else self._source.read(heard)
+        except InvalidValueError:  # the service has it whole
+            self._ask()
+            return
         with self._lock:
             self._newest = max(self._newest, message.sequence)
             if self._confirmed and message.sequence == self._cursor.sequence + 1:
                 self._take([message])
                 return
+            if message.sequence <= self._cursor.sequence and Cursor(message.sequence, message.toss_id) != self._cursor:
+                self._confirmed = False
             missing = not self._confirmed or message.sequence > self._cursor.sequence
         if missing:
             self._ask()
@@ -129,7 +142,8 @@ class CatchUp:
             if not self._client.service_is_ready():  # after a crash of its machine the server may lack its last records
                 self._confirmed = self._cursor.sequence == 0
                 return
-            after = self._cursor.sequence if self._confirmed else self._cursor.sequence - 1
+            self._checking = not self._confirmed
+            after = self._cursor.sequence - self._checking
             request = self._source.service.Request(after_sequence=after, limit=self._source.page)
             self._silent = 0
             self._asked = self._client.call_async(request)
@@ -143,7 +157,9 @@ class CatchUp:
             response = future.result()
             messages = list(getattr(response, self._source.field))
             self._newest = response.last_sequence
-            if not self._same_source(messages, response.last_sequence):
+            if not self._confirmed and not self._checking:
+                more = True  # doubted since the question was asked
+            elif not self._same_source(messages, response.last_sequence):
                 self._cursor, self._handled, self._confirmed, more = Cursor(), Cursor(), True, True
             else:
                 fresh = [message for message in messages if message.sequence > self._cursor.sequence]
@@ -154,7 +170,7 @@ class CatchUp:
 
     def _same_source(self, messages: Sequence[Any], last_sequence: int) -> bool:
         """Whether the cursor belongs to this source; a re-created store has another toss at its number, or none."""
-        if not self._confirmed:
+        if self._checking:
             first = messages[0] if messages else None
             self._confirmed = first is not None and Cursor(first.sequence, first.toss_id) == self._cursor
             return self._confirmed

@@ -16,6 +16,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -24,11 +25,13 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ConditionReachedException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from contact_curation.errors import ContactCurationError
 from contact_curation.nodes.ros.given_parameters import check_files, check_names, take_former_names
 from contact_curation.nodes.ros.qos import overridable, overrides_checked
 from contact_curation.nodes.ros.security import check_keystore, explained
+from contact_curation.nodes.ros.worker import Worker
 
 REFUSED = (ContactCurationError, OSError, ParameterException, RCLError)
 """Errors that a user can cause while a node starts."""
@@ -89,8 +92,27 @@ class StageNode(Node):
         if self._at_end:
             end()
 
+    def done_by(self, worker: Worker, job: Callable[[], Any]) -> Future:
+        """The result of a job on a worker's thread, for a service that awaits it while all other callbacks run.
+
+        The service needs a reentrant callback group. What the job raises of this package's errors, the service gets.
+        """
+        done = Future()
+        done.add_done_callback(lambda _: self.executor.wake())  # so that the waiting coroutine goes on
+        worker.do(partial(_settle, done, job))
+        return done
+
     def close(self) -> None:
         """Ends threads and closes files; called once, before the node is destroyed."""
+
+
+def _settle(done: Future, job: Callable[[], Any]) -> None:
+    try:
+        result = job()
+    except ContactCurationError as error:
+        done.set_exception(error)
+    else:
+        done.set_result(result)
 
 
 class _Ending:

@@ -5,6 +5,7 @@ version 8 the policies are numbers, from version 9 (Jazzy) on names.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import yaml
@@ -152,8 +153,16 @@ def qos_from(profiles: object) -> OfferedQos | None:
     Returns:
         None if `profiles` cannot be read. QoS is only needed by the player, so an error here must not lose messages.
     """
-    if isinstance(profiles, str):
-        profiles = _parsed(profiles)
+    return _qos_of_text(profiles) if isinstance(profiles, str) else _qos_of(profiles)
+
+
+@lru_cache(maxsize=256)
+def _qos_of_text(text: str) -> OfferedQos | None:
+    """The same for all channels of a bag, mostly; parsing YAML takes most of the time that opening a bag takes."""
+    return _qos_of(_parsed(text))
+
+
+def _qos_of(profiles: object) -> OfferedQos | None:
     if not isinstance(profiles, list) or not profiles or not all(isinstance(profile, dict) for profile in profiles):
         return None
     depths = [profile.get("depth") for profile in profiles]

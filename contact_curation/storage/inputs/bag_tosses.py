@@ -42,7 +42,7 @@ LOWEST_RATE = 55.0
 LONGEST_STEP = 0.5
 """[s] Poses further apart are not successive ones."""
 
-OVERTAKEN_NS, MOST_WAITING = 100_000_000, 1024
+OVERTAKEN_NS, MOST_WAITING = 300_000_000, 1024
 """[ns] A message that was logged within this time before another one may have a later stamp; so many wait for it at most."""
 
 ROOM = 0.75

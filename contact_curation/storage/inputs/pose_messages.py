@@ -16,6 +16,7 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 POSE_ARRAY = "geometry_msgs/msg/PoseArray"
+TRANSFORM = "geometry_msgs/msg/TransformStamped"
 TF = "tf2_msgs/msg/TFMessage"
 
 
@@ -39,6 +40,11 @@ def stamped(message: Any, child: str, index: int) -> Measured:
     return on_header(message.header, child, message.pose.position, message.pose.orientation)
 
 
+def transformed(message: Any, child: str, index: int) -> Measured:
+    """Pose of a TransformStamped, which motion capture publishes on a topic of the body's own."""
+    return on_header(message.header, child, message.transform.translation, message.transform.rotation)
+
+
 def of_array(message: Any, child: str, index: int) -> Measured:
     """Pose of a PoseArray."""
     if index >= len(message.poses):
@@ -51,6 +57,7 @@ POSE_MESSAGES: dict[str, Translator] = {
     ODOMETRY: with_covariance,
     POSE_WITH_COVARIANCE: with_covariance,
     POSE: stamped,
+    TRANSFORM: transformed,
     POSE_ARRAY: of_array,
 }
 """The message types that carry a body's pose, by their ROS 2 names, the most detailed first.

@@ -103,14 +103,15 @@ class SqliteStore:
         """Waits until all commits are on the disk, so that they survive a crash of the machine, too.
 
         Commits are in the write-ahead log until a checkpoint, which syncs both files, has moved them to the store's own file.
-        So syncing the log is enough, and it waits for one write where a checkpoint would wait for several.
+        So syncing the log is enough, and it waits for one write where a checkpoint would wait for several. Other threads can
+        use the store meanwhile.
         """
         log = Path(f"{self.path}-wal")
+        try:
+            sync(log if log.exists() else self.path)  # not every file system lets SQLite keep a log
+        except OSError as error:
+            raise UnreadableInputError(self.path, f"cannot be used as {self._what}: {error.strerror}") from error
         with self._lock:
-            try:
-                sync(log if log.exists() else self.path)  # not every file system lets SQLite keep a log
-            except OSError as error:
-                raise UnreadableInputError(self.path, f"cannot be used as {self._what}: {error.strerror}") from error
             if not self._is_named:
                 sync_folder(self.path.absolute().parent)
                 self._is_named = True

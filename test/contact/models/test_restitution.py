@@ -53,8 +53,23 @@ def test_a_contact_where_the_ground_mirrors_its_depth_costs_nothing() -> None:
     assert bounced.losses[0] < 1e-3 * evaluate(POINT, CONTACTNETS_CUBE, before, after, DT).losses[0]
 
 
-def test_scores_are_slopes_of_the_loss() -> None:
+def test_a_contact_below_the_board_does_not_bounce_from_the_depth_that_it_has() -> None:
+    """A shape that is a little too large, or a tracker's noise, puts a body at rest under the board."""
+    fall = CONTACTNETS_CUBE.scaled_gravity * DT
+    still = state(-0.05, 0.0)
+    plain, bouncing = (evaluate(replace(POINT, restitution=e), CONTACTNETS_CUBE, still, still, DT).losses for e in (None, E))
+    assert bouncing == pytest.approx(plain, rel=0.2)
+    rising = state(-0.05, 2.0 * fall)
+    plain, bouncing = (evaluate(replace(POINT, restitution=e), CONTACTNETS_CUBE, rising, still, DT).losses for e in (None, E))
+    assert np.array_equal(plain, bouncing)
+
+
+@pytest.mark.parametrize("lower", [0.0, 0.6])
+def test_scores_are_slopes_of_the_loss(lower: float) -> None:
+    """Of contacts that come from above the board, and of some that are under it before."""
     before, after = impacts()
+    before[:, 2] -= lower
+    assert np.count_nonzero(BOUNCING.gaps(before) < 0.0) >= 10 * lower
     found = evaluate(BOUNCING, CONTACTNETS_CUBE, before, after, DT)
     assert found.solved.all()
     assert found.scores.shape == (16, 59)
@@ -72,6 +87,8 @@ def test_scores_are_slopes_of_the_loss() -> None:
         )
         return evaluate(changed, CONTACTNETS_CUBE, before, after, DT).losses
 
+    fisher = fisher_sums(BOUNCING, CONTACTNETS_CUBE, before, after, DT, [0, 16], Estimator.GAUSS_NEWTON).fishers[0]
+    np.testing.assert_allclose(fisher, fisher.T, atol=1e-9 * np.trace(fisher))
     directions = [*np.random.default_rng(1).standard_normal((4, 59)), *np.eye(59)[[26, 57, 58]]]
     for direction in directions:
         slope = (losses(direction, 1e-5) - losses(direction, -1e-5)) / 2e-5

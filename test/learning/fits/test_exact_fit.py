@@ -12,7 +12,9 @@ from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
+from contact_curation.learning.fits import exact_fit
 from contact_curation.learning.fits.exact_fit import _only, optimum, theta_0
+from contact_curation.learning.fits.held_fit import HeldFit, HeldFitConfig
 from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.objective import mean_loss
 from contact_curation.learning.training.progress import TrainingState
@@ -127,3 +129,35 @@ def test_a_loss_that_is_not_finite_names_the_toss_and_leaves_the_parameters(data
     assert f"{data.toss_ids[0]}, transition 3: its loss is not finite" in progress.reason
     after = training.model.tensors()
     assert all((before[name] == after[name]).all() for name in before)
+
+
+def test_of_several_starts_the_lowest_minimum_counts(data: Transitions, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Here the sum is the distance from the body as described, and no fit moves."""
+    begins: list[tuple[PolytopeModel, PolytopeModel | None]] = []
+
+    def stays(start: PolytopeModel, data: Transitions, config: HeldFitConfig, origin: PolytopeModel | None = None) -> HeldFit:
+        begins.append((start, origin))
+        away = start.geometry().vertices_normal - CONTACTNETS_CUBE.scaled_vertices
+        return HeldFit(start, float(np.square(away).sum()), 1)
+
+    monkeypatch.setattr(exact_fit, "fit_held", stays)
+    start = theta_0(begun(data).model)
+    found = optimum(start, data, EXACT.loss, 0.0, 3)
+    assert np.array_equal(found.model.geometry().vertices_normal, CONTACTNETS_CUBE.scaled_vertices)
+    assert found.steps == 4
+    assert [origin for _, origin in begins] == [None, start, start, start]
+    assert len({each.geometry().vertices_normal.tobytes() for each, _ in begins}) == 3  # the last goes on from the second
+    assert optimum(start, data, EXACT.loss, 0.0).model is start
+
+
+def test_the_number_of_starts_is_a_setting_that_a_checkpoint_keeps(data: Transitions) -> None:
+    config = replace(EXACT, starts=2)
+    fitted = begun(data, config=config)
+    start = theta_0(fitted.model)
+    assert fitted.advance(1).state is TrainingState.CONVERGED
+    again = optimum(start, data, config.loss, 0.0, 2).model.tensors()
+    assert all((again[name] == one).all() for name, one in fitted.model.tensors().items())
+    resumed = training_of_bytes(checkpoint_bytes(fitted, {}), "here", data, None, CONTACTNETS_CUBE)
+    assert resumed.config.starts == 2
+    with pytest.raises(InvalidValueError, match="starts: found 0, expected at least 1"):
+        replace(EXACT, starts=0)

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.models.polytope import FRICTIONS, PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.fits.damped_descent import DescentLimits, descend
-from contact_curation.learning.fits.held_fit import HeldFitConfig
+from contact_curation.learning.fits.held_fit import HeldFitConfig, HeldSum
 from contact_curation.learning.fits.polytope_sums import moved, physical_difference
-from contact_curation.learning.fits.refits import RefitConfig, RefitPool, subset
+from contact_curation.learning.fits.refits import RefitConfig, RefitPool, _point, _within_bounds, subset
 from contact_curation.motion.transitions import transitions_of
 from test.simulated import RIG_NOISE, simulated_tosses
 
@@ -85,3 +87,25 @@ def test_models_without_a_learned_noise_are_refused(form: Form, renewals: int) -
     data = transitions_of(simulated_tosses(1, seed=2), CONTACTNETS_CUBE.length_scale)
     with pytest.raises(InvalidValueError, match="model to refit"):
         RefitPool.of(theta_0(form), data, RefitConfig(HeldFitConfig(renewals=renewals)))
+
+
+def test_refits_learn_a_restitution_with_equal_variances_as_the_fit_to_the_pool_does() -> None:
+    """And one at its bound ends no refit: tosses that do not bounce may pull it below 0."""
+    geometry = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3)
+    for tosses, expected in ((simulated_tosses(4, 1, geometry=geometry), 0.3), (simulated_tosses(4, 2), 0.0)):
+        data = merged_impacts(transitions_of(tosses, CONTACTNETS_CUBE.length_scale), CONTACTNETS_CUBE)
+        pool = RefitPool.of(theta_0().bouncing(), data, RefitConfig(ONCE, tolerance=1e-4))
+        found = pool.refit(np.array([0, 1, 2, 3]))
+        assert found.converged
+        assert found.model.geometry().restitution == pytest.approx(expected, abs=0.1)
+        assert found.model.geometry().restitution == pytest.approx(pool.model.geometry().restitution, abs=0.02)
+
+
+def test_a_direction_leaves_a_restitution_that_may_not_move() -> None:
+    data = transitions_of(simulated_tosses(1, 2), CONTACTNETS_CUBE.length_scale)
+    model = theta_0().bouncing()
+    point = _point(HeldSum(data, np.ones(1), ONCE, model.geometry(), 0.06, restitution_held=True), model)
+    direction = _within_bounds(point, np.ones(len(point.score)))
+    assert np.flatnonzero(direction == 0.0).tolist() == [24]
+    free = _point(HeldSum(data, np.ones(1), ONCE, model.geometry(), 0.06), model)
+    assert _within_bounds(free, np.ones(len(free.score))).all()

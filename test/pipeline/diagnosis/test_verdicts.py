@@ -118,6 +118,13 @@ def test_tosses_that_always_land_alike_say_which_throws_are_missing(session: Ses
     assert re.search(r"\d of 8 vertices|neither vertices|the friction", found.what)
 
 
+def test_a_log_that_is_out_of_order_is_told_from_stamps_that_are(session: Session, tmp_path: Path) -> None:
+    late = np.random.default_rng(5).uniform(0.0, 1e9, len(session.logged_ns)).astype(np.int64)
+    write(tmp_path / "a.mcap", replace(session, logged_ns=session.logged_ns + late))
+    found = diagnose([tmp_path / "a.mcap"], ReadingConfig(CONTACTNETS_CUBE))
+    assert re.search(r"poses were logged out of order \(by up to [\d.]+ s\); their stamps are sound", found.verdict)
+
+
 def test_hints_are_for_reasons_that_there_are() -> None:
     folder = REPOSITORY / "contact_curation" / "motion"
     source = "".join(path.read_text() for path in folder.glob("*.py"))

@@ -24,7 +24,7 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs.bag_tosses import in_order_of_stamps
 from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, Problem, open_inputs
-from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF, TRANSFORM
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
 from test.motion.streams import board_in_map, in_map, noisy, stream
@@ -144,6 +144,15 @@ def test_a_board_that_is_logged_late_costs_no_toss(tmp_path: Path, places: int) 
     assert kinds(items) == ["Toss", "Toss"]
 
 
+def test_messages_that_are_logged_up_to_a_fifth_of_a_second_late_each_cost_no_toss(tmp_path: Path) -> None:
+    board, *sent = tagslam()
+    late = (1e9 * np.random.default_rng(3).uniform(0.0, 0.2, len(sent))).astype(np.int64).tolist()
+    logged = [one._replace(log_time_ns=one.log_time_ns + by) for one, by in zip(sent, late, strict=True)]
+    bag = write_ours(tmp_path / "late.mcap", [board, *sorted(logged, key=lambda one: one.log_time_ns)])
+    items, _ = opened(bag)
+    assert [kind for kind in kinds(items) if kind != "Problem"] == ["Toss", "Toss"], lines(items)
+
+
 @pytest.mark.parametrize("size", [2e-3, 3e-3])
 def test_stamps_that_jitter_by_milliseconds_in_a_recording_cost_no_toss_and_exchange_no_poses(
     tmp_path: Path, size: float
@@ -190,7 +199,7 @@ def test_messages_are_put_in_order_of_stamps_in_runs_as_one_by_one(seed: int, cu
     assert repr(found) == repr(list(in_order_of_stamps(singles)))
 
 
-@pytest.mark.parametrize("type_name", [POSE, POSE_WITH_COVARIANCE, POSE_ARRAY, ODOMETRY])
+@pytest.mark.parametrize("type_name", [POSE, POSE_WITH_COVARIANCE, POSE_ARRAY, ODOMETRY, TRANSFORM])
 def test_poses_given_on_the_board_need_no_frames(tmp_path: Path, type_name: str) -> None:
     bag = write_ours(tmp_path / "a.mcap", recorded("/pose", type_name, ON_BOARD))
     items, _ = opened(bag, poses=PoseTopicConfig(array_index=int(type_name == POSE_ARRAY)))
@@ -272,7 +281,7 @@ def test_a_bad_input_is_one_line_and_the_others_go_on(tmp_path: Path, name: str,
 
 def test_a_bag_without_poses_lists_what_it_has(tmp_path: Path) -> None:
     bag = write_ours(tmp_path / "a.mcap", [Sent("/note", 5, note("hello"))])
-    kinds_read = ", ".join((ODOMETRY, POSE_WITH_COVARIANCE, POSE, POSE_ARRAY, TF))
+    kinds_read = ", ".join((ODOMETRY, POSE_WITH_COVARIANCE, POSE, TRANSFORM, POSE_ARRAY, TF))
     expected = f"one topic with poses of cube; name it (`topic`) if there are several, of a type that is read: {kinds_read}"
     assert lines(opened(bag)[0]) == [f"{bag}: found /note (std_msgs/msg/String); expected {expected}"]
 

@@ -6,6 +6,7 @@ Another finding is a function `(Evidence) -> Finding | None` and a line here.
 from contact_curation.pipeline.diagnosis.finding import Find
 from contact_curation.pipeline.diagnosis.findings import (
     body,
+    contact,
     facts,
     frames,
     gravity,
@@ -56,6 +57,8 @@ FINDINGS: tuple[Find, ...] = (
     tosses.none_found,
     tosses.duplicates,
     tosses.few,
+    contact.friction_varies,
+    contact.bounces,
     reading.lost,
     reading.not_whole,
     facts.topics,
@@ -65,6 +68,7 @@ FINDINGS: tuple[Find, ...] = (
     facts.board,
     facts.noise,
     facts.motions,
+    contact.friction,
     facts.identifiable,
 )
 """In the order of causes."""

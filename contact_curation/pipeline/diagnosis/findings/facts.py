@@ -9,6 +9,7 @@ from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.pipeline.diagnosis.evidence import SYMBOLS, Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+from contact_curation.pipeline.diagnosis.findings import contact
 from contact_curation.pipeline.theta import described_polytope, form_of
 from contact_curation.pipeline.wording import counted, counted_tosses
 from contact_curation.solver.cone_problem import MAX_CONTACTS
@@ -133,6 +134,8 @@ def identifiable(evidence: Evidence) -> Finding | None:
         )
     if not sure.friction < HARDLY:
         lines.append("throws that slide have information about friction")
+    if contact.bounces(evidence) or contact.friction_varies(evidence):
+        lines.append("the model that these bounds hold for is not right here (see above): expect more")
     return _fact("; ".join(lines))
 
 

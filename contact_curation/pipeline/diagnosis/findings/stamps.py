@@ -1,6 +1,7 @@
 """Header stamps: zero, standing still, going back, too seldom, not when the poses were taken, or closed up over lost frames."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.survey.lost_frames import lost_frames
@@ -8,12 +9,16 @@ from contact_curation.motion.survey.series import WIDEST_STEP
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.storage.inputs.bag_tosses import OVERTAKEN_NS
 
 LOWEST_RATE = 55.0
 """[Hz] Slower poses miss free falls."""
 
 MOST_DISORDER = 0.02
 """Share of stamps that stand still or go back, from which on it is a fault."""
+
+EVEN, MOSTLY = 0.25, 0.9
+"""Steps that differ from the usual one by less than this share are even; so many are, where stamps are sound."""
 
 FEWEST_CLOSED_UP, MOST_CLOSED_UP = 2, 0.05
 """Places at which frames are lost: fewer are no word worth; more, for each motion, are a fault."""
@@ -35,11 +40,12 @@ def zero(evidence: Evidence) -> Finding | None:
 
 
 def out_of_order(evidence: Evidence) -> Finding | None:
-    """Stamps that stand still or go back by less than a jump of the clock, and are no jitter."""
+    """Stamps that stand still or go back by less than a jump of the clock, and are no jitter; or log times that are late."""
     worst = 0.0
+    late = False
 
     def line(one: Recording) -> str:
-        nonlocal worst
+        nonlocal worst, late
         steps = np.diff(one.measured.stamps_ns)
         still, back = int((steps == 0).sum()), int((steps < 0).sum())
         left_out = one.bad.get("stamp", 0)
@@ -48,6 +54,9 @@ def out_of_order(evidence: Evidence) -> Finding | None:
         worst = max(worst, left_out / len(steps))
         parts = [f"{still} of {len(steps)} header stamps stand still"] if still else []
         farthest = -float(steps.min()) * 1e-9
+        if not still and _even_in_order(one.measured.stamps_ns):
+            late = True
+            return f"{back} of {len(steps)} poses were logged out of order (by up to {farthest:.3g} s); their stamps are sound"
         parts += (
             [f"{back} {'' if parts else f'of {len(steps)} header stamps '}go back (by up to {farthest:.3g} s)"] if back else []
         )
@@ -57,7 +66,15 @@ def out_of_order(evidence: Evidence) -> Finding | None:
     if not found:
         return None
     remedy = "give every pose the time of its image, and publish each once"
+    if late:
+        remedy = f"write it anew in the order of header stamps; up to {1e-9 * OVERTAKEN_NS:g} s is put right"
     return Finding(Severity.FAULT if worst > MOST_DISORDER else Severity.WARNING, of_recordings(evidence, found), remedy)
+
+
+def _even_in_order(stamps_ns: NDArray[np.int64]) -> bool:
+    """Whether stamps are evenly spaced once they are sorted: then the log is out of order and not the stamps."""
+    steps = np.diff(np.sort(stamps_ns))
+    return float(np.mean(np.abs(steps - np.median(steps)) < EVEN * np.median(steps))) > MOSTLY
 
 
 def slow(evidence: Evidence) -> Finding | None:

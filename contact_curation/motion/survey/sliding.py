@@ -1,0 +1,89 @@
+"""The friction of each toss, from how fast it slows down while it slides, without a contact model.
+
+A body that slides on a level board without turning slows down by mu g along its way, whatever its shape. A run of such frames
+gives mu and, by how far speeds scatter about a line, its standard error; the runs of a toss are averaged. If the frictions of
+tosses scatter more than their errors explain, they differ: dust, a worn face, a board that is not alike everywhere. One
+coefficient then describes the mean of the tosses that it was learned from, and informative tosses may be far from it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.toss import Toss
+
+SLOWEST, FEWEST_FRAMES = 0.1, 8
+"""A body slides if its centre is faster along the board than this [m/s], for so many frames in a row."""
+
+STEADY = 0.15
+"""Share of this speed that its vertical speed, and that of a corner by its spin, may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sliding:
+    """Frictions of K tosses that slid.
+
+    Attributes:
+        friction: (K,) of each.
+        error: (K,) its standard error.
+    """
+
+    friction: Array
+    error: Array
+
+    @property
+    def variation(self) -> float:
+        """Standard deviation of the tosses' frictions, without what their errors explain, relative to their median."""
+        middle = float(np.median(self.friction))
+        scatter = 1.4826 * float(np.median(np.abs(self.friction - middle)))  # of a normal distribution, and hardly of outliers
+        return float(np.sqrt(max(scatter**2 - float(np.median(self.error)) ** 2, 0.0)) / middle)
+
+
+def sliding(tosses: Sequence[Toss], radius: float, gravity: float) -> Sliding:
+    """Frictions of those tosses that slide.
+
+    Args:
+        tosses: along a level board.
+        radius: distance of the body's farthest corner from its centre [m].
+        gravity: [m/s^2].
+    """
+    found = [one for toss in tosses if (one := _of_toss(toss, radius, gravity)) is not None]
+    friction, error = np.array(found).reshape(-1, 2).T
+    return Sliding(friction, error)
+
+
+def _of_toss(toss: Toss, radius: float, gravity: float) -> tuple[float, float] | None:
+    """Mean friction of the runs of a toss, by their precision, and its standard error; None without one."""
+    velocities = toss.linear_velocities
+    speed = np.linalg.norm(velocities[:, :2], axis=1)
+    turning = radius * np.linalg.norm(toss.angular_velocities, axis=1)
+    steady = (speed > SLOWEST) & (np.abs(velocities[:, 2]) < STEADY * speed) & (turning < STEADY * speed)
+    seconds = 1e-9 * (toss.stamps_ns - toss.stamps_ns[0])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], steady, [False]])))
+    runs = [_of_run(seconds[first:last], velocities[first:last, :2]) for first, last in _long(edges)]
+    slowed = np.array([run for run in runs if run is not None]).reshape(-1, 2) / gravity
+    if not len(slowed):
+        return None
+    precision = slowed[:, 1] ** -2.0
+    mean = float(precision @ slowed[:, 0] / precision.sum())
+    return (mean, float(precision.sum() ** -0.5)) if mean > 0.0 else None
+
+
+def _long(edges: NDArray[np.intp]) -> list[tuple[int, int]]:
+    """First frames and ends of runs that are long enough, of where runs begin, end, begin ..."""
+    return [(int(first), int(last)) for first, last in list(pairwise(edges))[::2] if last - first >= FEWEST_FRAMES]
+
+
+def _of_run(seconds: Array, velocities: Array) -> tuple[float, float] | None:
+    """Deceleration along the mean direction, and its standard error [m/s^2]."""
+    mean = velocities.mean(axis=0)
+    speeds = velocities @ (mean / np.linalg.norm(mean))
+    line = np.polynomial.Polynomial.fit(seconds, speeds, 1).convert()
+    residuals = speeds - line(seconds)
+    spread = float(np.sqrt(residuals @ residuals / (len(seconds) - 2)))
+    error = spread / float(np.sqrt(np.square(seconds - seconds.mean()).sum()))
+    return float(-line.coef[1]), max(error, 1e-6)

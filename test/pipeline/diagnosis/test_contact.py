@@ -1,0 +1,89 @@
+"""Words about contacts that the usual model does not describe: where they are true, and nowhere else."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.motion.survey.sliding import sliding
+from contact_curation.motion.toss import Toss
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Severity
+from contact_curation.pipeline.diagnosis.findings.contact import bounces, friction, friction_varies
+from contact_curation.pipeline.diagnosis.findings.facts import identifiable
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.storage.datasets.contactnets import read_contactnets_toss
+from test.simulated import RIG_NOISE, simulated_tosses
+
+RADIUS = float(np.linalg.norm(CUBE.vertices, axis=1).max())
+
+
+def seen(tosses: tuple[Toss, ...]) -> Evidence:
+    """Evidence that has these tosses, and no recordings."""
+    evidence = Evidence(ReadingConfig(CUBE), ())
+    evidence.__dict__["tosses"] = tosses
+    return evidence
+
+
+@cache
+def thrown(restitution: float = 0.0, variation: float = 0.0) -> tuple[Toss, ...]:
+    """30 tosses, with frictions that vary from one to the next."""
+    rng = np.random.default_rng(3)
+    geometry = replace(ContactGeometry.of_body(CUBE).rigid(), restitution=restitution)
+    if not variation:
+        return simulated_tosses(30, 1, RIG_NOISE, geometry=geometry)
+    frictions = CUBE.friction * np.exp(variation * rng.standard_normal(30))
+    return tuple(
+        toss
+        for seed, value in enumerate(frictions.tolist())
+        for toss in simulated_tosses(1, seed, RIG_NOISE, geometry=replace(geometry, tangents=value * np.eye(2, 3)))
+    )
+
+
+def test_a_body_that_bounces_is_said_to_and_one_that_does_not_is_not() -> None:
+    found = bounces(seen(thrown(restitution=0.3)))
+    assert found is not None
+    assert found.severity == Severity.FACT
+    assert found.line.startswith("the body bounces: corners leave first impacts with 0.3")
+    assert found.line.endswith("learn it, too: train --set training.restitution=true")
+    assert bounces(seen(thrown())) is None
+    assert bounces(seen(thrown(restitution=0.3)[:5])) is None
+
+
+def test_friction_that_varies_between_tosses_is_said_to_and_one_that_does_not_is_not() -> None:
+    found = friction_varies(seen(thrown(variation=0.25)))
+    assert found is not None
+    assert found.severity == Severity.WARNING
+    assert found.what.startswith("friction varies between tosses: 0.1")
+    assert friction_varies(seen(thrown())) is None
+    assert friction_varies(seen(thrown(restitution=0.3))) is None
+
+
+def test_the_sliding_friction_is_that_of_the_world_and_stands_beside_the_described_one() -> None:
+    found = sliding(thrown(), RADIUS, CUBE.gravity)
+    assert np.median(found.friction) == pytest.approx(CUBE.friction, abs=0.003)
+    assert found.variation < 0.02
+    fact = friction(seen(thrown()))
+    assert fact is not None
+    assert fact.line.startswith("sliding friction: 0.18")
+    assert fact.line.endswith("described 0.18")
+    assert len(sliding(thrown()[:0], RADIUS, CUBE.gravity).friction) == 0
+
+
+def test_bounds_on_accuracy_are_not_left_alone_beside_a_model_that_is_not_right() -> None:
+    wrong, right = (identifiable(seen(thrown(restitution=value))) for value in (0.3, 0.0))
+    assert wrong is not None
+    assert right is not None
+    assert wrong.line.endswith("the model that these bounds hold for is not right here (see above): expect more")
+    assert "see above" not in right.line
+
+
+def test_the_real_cube_bounces_and_its_friction_hardly_varies(contactnets_folder: Path) -> None:
+    numbers = np.random.default_rng(0).choice(400, 40, replace=False).tolist()
+    evidence = seen(tuple(read_contactnets_toss(contactnets_folder / f"{number}.pt", CUBE) for number in numbers))
+    assert bounces(evidence) is not None
+    assert friction_varies(evidence) is None
