@@ -21,7 +21,10 @@ from contact_curation.pipeline.wording import counted
 from contact_curation.pipeline.workers import Advance, each, unheard
 from contact_curation.version import __version__
 
-type Tables = Callable[[list[Row]], Mapping[str, Sequence[Row]]]
+type Table = Sequence[Row] | str
+"""Rows of a CSV file, or a page."""
+
+type Tables = Callable[[list[Row]], Mapping[str, Table]]
 """From an experiment's rows to the tables that it writes, by the names of their files."""
 
 
@@ -62,7 +65,7 @@ def run_over_bodies[Cell: Planned](
         raise InvalidValueError("finished cells", "none", f"at least one ({next(iter(failed), 'no cell')})")
     files = {arguments.out / name: table for name, table in tables(rows).items()}
     for path, table in files.items():
-        write_atomically(path, csv_of(table))
+        write_atomically(path, table.encode() if isinstance(table, str) else csv_of(table))
     warn(list(failed))
     seconds, paths = round(time.monotonic() - began, 1), [str(path) for path in files]
     if arguments.json:
