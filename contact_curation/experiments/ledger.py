@@ -43,6 +43,11 @@ class Ledger:
     def __contains__(self, key: str) -> bool:
         return key in self._rows
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Of all finished cells, in the order in which they were finished."""
+        return tuple(self._rows)
+
     def rows(self, key: str) -> tuple[Row, ...]:
         """The rows of a finished cell."""
         return self._rows[key]

@@ -99,6 +99,11 @@ def save_results_figure(experiment: Experiment, summaries: Sequence[Summary], pa
     save_experiment_figure(layout.panels(summaries), title, layout.places, path)
 
 
+def markdown_of(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown, with a line of heads and a line for each row."""
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in (heads, ["---"] * len(heads), *rows))
+
+
 def csv_of(rows: Sequence[Mapping[str, float | str]]) -> bytes:
     """A CSV file with a column for each name that any row has."""
     names = list(dict.fromkeys(name for row in rows for name in row))

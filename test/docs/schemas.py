@@ -18,6 +18,7 @@ from typing import Any
 
 from contact_curation.cli.main import main
 from contact_curation.design.throw import Throw
+from contact_curation.experiments.counterfactuals import table
 from contact_curation.stages import records
 from contact_curation.storage import throws_file
 from contact_curation.storage.manifest import file as manifest_file
@@ -165,7 +166,30 @@ def _output(words: list[str]) -> str:
     return out.getvalue()
 
 
-PAGES: Mapping[str, Callable[[], str]] = {"manifest.md": manifest_page, "stores.md": stores_page, "throws.md": throws_page}
+def counterfactuals_page() -> str:
+    """The Parquet file of refits on random subsets."""
+    lines = ["# counterfactuals.parquet", "", WRITTEN, ""]
+    lines += [
+        "`reproduce counterfactuals` writes it: a row for each exact refit on a random subset of a body's training tosses."
+    ]
+    lines += ["The rows behind the tables of [Results](../results.md) are in `docs/results/counterfactuals.parquet`.", ""]
+    for field in table.SCHEMA:
+        text = f"- `{field.name}` ({field.type}): {field.metadata[b'description'].decode()}"
+        lines += textwrap.wrap(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)
+    lines += [
+        "",
+        "The schema's metadata has, under `counterfactuals`, a JSON object with the version of the package that made it.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+PAGES: Mapping[str, Callable[[], str]] = {
+    "manifest.md": manifest_page,
+    "stores.md": stores_page,
+    "throws.md": throws_page,
+    "counterfactuals.md": counterfactuals_page,
+}
 SLOW_PAGES: Mapping[str, Callable[[], str]] = {"json.md": json_page}
 
 

@@ -9,6 +9,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from contact_curation.experiments.cell_run import Row
+from contact_curation.experiments.comparison.intervals import LEAST_SEEDS
+from contact_curation.experiments.comparison.page import pages_of
+from contact_curation.experiments.counterfactuals.correlations import correlations, table_of
+from contact_curation.experiments.counterfactuals.page import page_of
+from contact_curation.experiments.counterfactuals.table import read_refits
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
+
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 PAGE, ROWS = DOCS / "results.md", DOCS / "results"
 COLUMNS = {
@@ -285,3 +293,126 @@ def test_the_correlations_of_scores_with_outcomes_are_those_of_the_stored_table(
                 assert said == pytest.approx(numbers, abs=0.0051), (body, score, outcome, size)
                 counted += 1
     assert counted == 12 * 4 * len({row["body"] for row in rows("datamodeling_scores")})
+
+
+AGAINST = (
+    "ours_position",
+    "ours_rotation",
+    "mujoco_position",
+    "mujoco_rotation",
+    "vertices",
+    "friction",
+    "fit_seconds",
+    "memory",
+)
+HELD = ("shape_held", "shape_half_width", "friction_held", "friction_half_width")
+
+
+def test_the_tables_against_system_identification_are_those_of_their_rows() -> None:
+    found, text, counted = rows("against_sysid"), section("Against system identification with MuJoCo") + "\n", 0
+    seeds = {row["seed"] for row in found}
+    assert f"{len(seeds)} seed" in text
+    for body, table in re.findall(r"^`(\w+)`[^|`]*:\n\n(\| tosses \| fitter \|.*?)\n\n", text, re.DOTALL | re.MULTILINE):
+        heads, _, *lines = table.splitlines()
+        measures, middle = (HELD, np.mean) if "held" in heads else (AGAINST, np.median)
+        for line in lines:
+            size, rule, *numbers = (cell.strip() for cell in line.strip("|").split("|"))
+            own = [row for row in found if (row["body"], row["size"], row["rule"]) == (body, size, rule) and not row["failed"]]
+            for name, number in zip(measures, numbers, strict=True):
+                digits = len(number.partition(".")[2])
+                value = float(middle([float(row[name]) for row in own]))
+                assert value == pytest.approx(float(number), abs=0.51 * 10.0**-digits), (line, name)
+                counted += 1
+    assert counted >= 80
+
+
+def test_the_differences_to_system_identification_are_those_of_the_stored_table() -> None:
+    names = ("body", "rule", "minus", "measure")
+    found = {(float(row["size"]), *(row[name] for name in names)): row for row in rows("against_sysid_differences")}
+    text, counted = section("Against system identification with MuJoCo") + "\n", 0
+    for table in re.findall(r"^\| body \| tosses \| less \|.*?\n\n", text, re.DOTALL | re.MULTILINE):
+        for line in table.strip().splitlines()[2:]:
+            body, size, pair, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+            rule, minus = pair.split(" less ")
+            for measure, cell in zip(AGAINST, cells, strict=False):
+                row = found[float(size), body, rule, minus, measure]
+                said = [float(number) for number in re.findall(r"[+-]?[0-9.]+", cell)]
+                numbers = [float(row[name]) for name in ("difference", "low", "high")]
+                assert said == pytest.approx(numbers[: len(said)], abs=0.051), (line, measure)
+                counted += 1
+    assert counted >= 16
+
+
+def test_the_means_over_bodies_are_those_of_the_stored_correlations() -> None:
+    table = re.search(
+        r"^\| score \| loss \| rotation .*?\n\n", section("What foresees the error of a subset"), re.DOTALL | re.MULTILINE
+    )
+    assert table
+    heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table[0].strip().splitlines())
+    assert len(lines) == 10
+    for score, *cells in lines:
+        for outcome, cell in zip(heads[1:], cells, strict=True):
+            own = [row for row in rows("datamodeling_scores") if (row["score"], row["outcome"]) == (score, outcome)]
+            assert len(own) == 8
+            mean = float(np.mean([float(row["spearman"]) for row in own]))
+            half = float(np.sqrt(sum((float(row["high"]) - float(row["low"])) ** 2 for row in own))) / (2.0 * len(own))
+            said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
+            assert said == pytest.approx([mean, mean - half, mean + half], abs=0.0051), (score, outcome)
+
+
+def test_the_tables_of_stored_refits_are_those_of_their_correlations() -> None:
+    page, text = page_of(as_rows("counterfactual_scores")), section("What foresees the error of a subset")
+    tables = [table.strip().removeprefix("`") for table in page.split("\n\n`")]
+    assert [table for table in tables if table not in text] == []
+
+
+def test_the_stored_correlations_are_those_of_the_stored_refits() -> None:
+    refits, stored = read_refits(ROWS / "counterfactuals.parquet"), rows("counterfactual_scores")
+    assert (ROWS / "counterfactuals.parquet").stat().st_size < 4e6
+    few = BootstrapConfig(resamples=10)
+    found = [one for body in {row["body"] for row in refits}
+             for one in correlations([row for row in refits if row["body"] == body], few)]  # fmt: skip
+    made = {(row["body"], row["size"], row["outcome"], row["score"]): row for row in table_of(found, few)}
+    assert len(made) == len(stored)
+    for row in stored:
+        one = made[row["body"], float(row["size"]), row["outcome"], row["score"]]
+        assert (float(one["spearman"]), one["subsets"]) == pytest.approx(
+            (float(row["spearman"]), float(row["subsets"])), abs=1e-5, nan_ok=True
+        )
+        assert not float(row["low"]) > float(row["spearman"]) > float(row["high"])
+
+
+def as_rows(name: str) -> list[Row]:
+    return [dict(row) for row in rows(name)]
+
+
+def test_the_tables_of_rules_at_the_fit_are_those_of_the_stored_rows() -> None:
+    text = section("Which sets are best with the right noise and one geometry")
+    page = pages_of(as_rows("criteria_at_fit"), as_rows("criteria_at_fit_differences"), "random")
+    tables = page.split("\n\n`")
+    assert len(tables) > 1
+    assert [table.strip().removeprefix("`") for table in tables if table.strip().removeprefix("`") not in text] == []
+
+
+def test_the_stored_differences_are_those_of_the_stored_means() -> None:
+    means = {(row["body"], float(row["size"]), row["rule"], row["seed"]): row for row in rows("criteria_at_fit")}
+    seeds = {row["seed"] for row in rows("criteria_at_fit")}
+    for row in rows("criteria_at_fit_differences"):
+        own, others = ([float(means[row["body"], float(row["size"]), rule, seed][row["measure"]]) for seed in sorted(seeds)]
+                       for rule in (row["rule"], row["minus"]))  # fmt: skip
+        differences = np.array(own) - np.array(others)
+        assert float(row["difference"]) == pytest.approx(float(differences.mean()), abs=0.02), row
+        assert float(row["seeds_better"]) == (differences < 0.0).sum()
+        assert float(row["seeds"]) == len(seeds)
+        assert (len(seeds) < LEAST_SEEDS) == np.isnan(float(row["low"]))
+
+
+def test_the_frictions_of_the_rules_page_are_medians_of_the_stored_rows() -> None:
+    table = re.search(r"^\| selected at the fit \|.*?\n\n", (DOCS / "rule.md").read_text(), re.DOTALL | re.MULTILINE)
+    assert table
+    heads, _, *lines = ([cell.strip(" *") for cell in line.strip("|").split("|")] for line in table[0].strip().splitlines())
+    assert len(lines) == 7
+    for name, *cells in lines:
+        for size, cell in zip((head.split()[-1] for head in heads[1:]), cells, strict=True):
+            own = [row for row in rows("criteria_at_fit") if (row["rule"], row["size"]) == (name.split(",")[0], size)]
+            assert float(np.median([float(row["friction"]) for row in own])) == pytest.approx(float(cell), abs=0.00051), name

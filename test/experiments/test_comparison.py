@@ -9,7 +9,8 @@ import pytest
 from contact_curation.experiments import bodies
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.comparison.baselines import matched, medoids
-from contact_curation.experiments.comparison.intervals import MEASURES, differences, nested_interval
+from contact_curation.experiments.comparison.intervals import differences, nested_interval
+from contact_curation.experiments.engines import MEASURES
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from test.cli.commands import Cli
 
@@ -32,7 +33,7 @@ def test_a_difference_is_paired_by_seed_and_judge() -> None:
     rows: list[Row] = []
     for seed in range(10):
         hard = 20.0 * rng.standard_normal(30)
-        for rule, gain in (("random", 0.0), ("herding", -1.0)):
+        for rule, gain in (("random", 0.0), ("herding", -1.0), ("trace", 1.0)):
             values = " ".join(f"{value:.6f}" for value in 50.0 + hard + gain + 0.5 * rng.standard_normal(30))
             head: Row = {"body": "slab", "size": 8.0, "rule": rule, "seed": float(seed)}
             rows.append(head | dict.fromkeys(MEASURES, values))
@@ -42,7 +43,10 @@ def test_a_difference_is_paired_by_seed_and_judge() -> None:
     assert -1.3 < float(found[0]["low"]) < float(found[0]["high"]) < -0.7
     assert found[0]["seeds_better"] == 10.0
     assert found[0]["p_sign"] == pytest.approx(2.0**-9)
-    assert float(found[0]["p_bonferroni"]) == pytest.approx(4 * 2.0**-9)
+    assert float(found[0]["p_bonferroni"]) == pytest.approx(2 * 2.0**-9)  # of two rules
+    few = differences([row for row in rows if float(row["seed"]) < 9.0], CONFIG)
+    assert few[0]["difference"] == pytest.approx(-1.0, abs=0.15)
+    assert np.isnan(float(few[0]["low"]))
 
 
 def test_weights_bring_the_mean_score_near_the_pools() -> None:

@@ -31,6 +31,9 @@ score of the pool is zero, which weights of zero would match."""
 ROUNDS = 50
 """Of the alternation of k-medoids, at most."""
 
+RELEASE = 4
+"""Numbers of `traits` that are known at the release."""
+
 type Weights = Mapping[str, float]
 """How often each selected toss counts, by its id."""
 
@@ -66,7 +69,7 @@ def facility_weighted(pool: Pool, tosses: Sequence[Toss], size: int, seed: int) 
 
 def k_medoids(pool: Pool, tosses: Sequence[Toss], size: int, seed: int) -> Weights:
     """See the module."""
-    traits = np.array([_traits(toss) for toss in tosses])
+    traits = np.array([traits(toss) for toss in tosses])
     spread = traits.std(axis=0)
     places = medoids((traits - traits.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0), size)
     return {tosses[place].toss_id: 1.0 for place in places}
@@ -95,8 +98,8 @@ def strata(pool: Pool, tosses: Sequence[Toss], size: int, seed: int) -> Weights:
     return {tosses[int(rng.choice(part))].toss_id: 1.0 for part in np.array_split(order, min(size, len(tosses)))}
 
 
-def _traits(toss: Toss) -> list[float]:
-    """What is known of a toss without a model [m, m/s, m/s, rad/s, s, m, rad]."""
+def traits(toss: Toss) -> list[float]:
+    """What is known of a toss without a model [m, m/s, m/s, rad/s, s, m, rad]; the first `RELEASE` are its release."""
     velocity, ends = toss.linear_velocities[0], toss.positions[[0, -1]]
     turn = quaternions.angle_between(toss.orientations_wxyz[:1], toss.orientations_wxyz[-1:])[0]
     across = float(np.linalg.norm(ends[1, :2] - ends[0, :2]))

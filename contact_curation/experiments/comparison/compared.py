@@ -1,9 +1,10 @@
 """One cell of the comparison: a rule selects tosses of a body, a polytope learns from them, and two engines predict the rest.
 
 A seed draws the third of the tosses that judges, and theta_0; both are the same for all rules. A rule selects three times, at
-theta_0 and at what was learned from its last two sets, as in `cell_run`; those that do not depend on theta once. The model is a
-polytope with one set of vertices and learned noise of impacts, fitted to the optimum. MuJoCo predicts with the convex hull of
-the learned vertices and the learned friction, without a restitution.
+theta_0 and at what was learned from its last two sets, as in `cell_run`; those that do not depend on theta once. Or all rules
+select once, at the fit to all training tosses, where information is as right as it can be, and all fits start there: then rules
+differ by their sets alone, not by where a descent ends. The model is a polytope with one set of vertices and learned noise of
+impacts, fitted to the optimum.
 """
 
 from collections.abc import Sequence
@@ -18,24 +19,26 @@ from contact_curation.experiments.bodies import BODIES, BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
+from contact_curation.experiments.comparison.datamodel import Datamodel, datamodel_of
 from contact_curation.experiments.counterfactuals.refitted import origin_of
-from contact_curation.experiments.rules import RULES
-from contact_curation.geometry.quaternions import Array
-from contact_curation.information.pool import pool_of
-from contact_curation.information.ranker import rank_particles
+from contact_curation.experiments.engines import judged_by_engines
+from contact_curation.experiments.rules import RULES, Rule
+from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.ranker import moved_by_theta, rank_particles
 from contact_curation.information.record import TossInformation
-from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors
-from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
 from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.fits.refits import RefitConfig, RefitPool
 from contact_curation.learning.training.curated import selected_transitions, toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
+from contact_curation.motion.transitions import transitions_of
+
+COUNTERFACTUAL = "counterfactual"
+"""See `datamodel`; it is always made at the fit to all training tosses."""
 
 ONCE = ("strata", "k-medoids")
 """Baselines that do not depend on theta."""
 
-JUDGES = ("ours", "mujoco")
 ALL = "all"
 
 
@@ -45,18 +48,20 @@ class Compared(Planned):
 
     Attributes:
         body: one of `bodies.BODIES`.
-        rule: one of `rules.RULES` or of `baselines.BASELINES`.
+        rule: one of `rules.RULES`, of `baselines.BASELINES`, or `COUNTERFACTUAL`.
         size: how many tosses; all of them for the rule `all`.
         seed: see the module.
+        at_fit: whether it selects at the fit to all training tosses.
     """
 
     body: str
     rule: str
     size: int
     seed: int
+    at_fit: bool = False
 
     def __post_init__(self) -> None:
-        for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES])):
+        for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES, COUNTERFACTUAL])):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
 
@@ -65,6 +70,23 @@ class Compared(Planned):
 def _bench(body: str, seed: int) -> Bench:
     """Cells come body by body and seed by seed."""
     return bench_of(body, seed)
+
+
+@lru_cache(maxsize=1)
+def _origin(body: str, seed: int) -> PolytopeModel:
+    """Theta_0."""
+    return origin_of(_bench(body, seed), seed, body in BOUNCING)
+
+
+@lru_cache(maxsize=2)
+def _start(body: str, seed: int, at_fit: bool) -> PolytopeModel:
+    """Where rules select first and fits start: theta_0, or the fit to all training tosses."""
+    bench, origin = _bench(body, seed), _origin(body, seed)
+    return _fitted(origin, None, bench, _all(bench)) if at_fit else origin
+
+
+def _all(bench: Bench) -> Weights:
+    return {toss.toss_id: 1.0 for toss in bench.training}
 
 
 def compared_row(cell: Compared) -> Row:
@@ -76,60 +98,63 @@ def compared_row(cell: Compared) -> Row:
     bench = _bench(cell.body, cell.seed)
     if cell.size > len(bench.training):
         raise InvalidValueError("--sizes", cell.size, f"at most {len(bench.training)}, the training tosses of {cell.body}")
-    start = origin_of(bench, cell.seed, cell.body in BOUNCING)
+    start, origin = _start(cell.body, cell.seed, cell.at_fit), _origin(cell.body, cell.seed) if cell.at_fit else None
     chosen = _selected(cell, bench, start)
-    model = _fitted(start, None, bench, chosen)
-    shape = shape_errors(model)
-    assert shape is not None  # of a polytope
-    ours = predicted_motions(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors
-    row: Row = {"vertices": shape.vertex_rms_mm, "friction": shape.friction, "selected": " ".join(chosen)}
-    for judge, errors in zip(JUDGES, (ours, _in_mujoco(model, shape.friction, bench)), strict=True):
-        for name in ("position", "rotation"):
-            row[f"{judge}_{name}"] = " ".join(f"{value:.5g}" for value in getattr(errors, name))
-    return row
+    model = _fitted(start, origin, bench, chosen)
+    return {**judged_by_engines(model, bench), "selected": " ".join(chosen)}
 
 
 def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
     if cell.rule == ALL:
-        return {toss.toss_id: 1.0 for toss in bench.training}
-    once = cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
-    model, chosen = start, _chosen(cell, start, bench.training)
+        return _all(bench)
+    if cell.rule == COUNTERFACTUAL:
+        places = _datamodel(cell.body, cell.seed).best(cell.size, np.random.default_rng([cell.seed, cell.size, 23]))
+        return {bench.training[place].toss_id: 1.0 for place in places}
+    once = cell.at_fit or cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
+    model, chosen = start, _chosen(cell, _first_pool(cell.body, cell.seed, cell.at_fit, _scored_as(cell)), bench.training)
     for _ in range(0 if once else EXACT_SELECTIONS - 1):
         model = _fitted(model, None if model is start else start, bench, chosen)
-        before, chosen = chosen, _chosen(cell, model, bench.training)
+        before, chosen = chosen, _chosen(cell, _pool(model, bench.training, _scored_as(cell)), bench.training)
         if chosen == before:
             break
     return chosen
 
 
-def _chosen(cell: Compared, model: PolytopeModel, tosses: Sequence[Toss]) -> Weights:
-    """What the rule selects at a model's theta."""
-    rule = RULES[cell.rule] if cell.rule in RULES else RULES["herding"]  # whose scores the baselines read
+@lru_cache(maxsize=1)
+def _datamodel(body: str, seed: int) -> Datamodel:
+    """What foresees sets of the training tosses."""
+    bench = _bench(body, seed)
+    data = transitions_of(bench.training, bench.body.length_scale)
+    pool = RefitPool(data, _origin(body, seed), _start(body, seed, True), RefitConfig(FIT))
+    return datamodel_of(pool, bench.training, seed)
+
+
+def _scored_as(cell: Compared) -> Rule:
+    """A rule that reads the same scores as the cell's; of all such rules the same."""
+    rule = RULES.get(cell.rule, RULES["herding"])  # whose scores the baselines read
+    return Rule("herding" if moved_by_theta(rule.criterion) else "random", rule.estimator)
+
+
+def _pool(model: PolytopeModel, tosses: Sequence[Toss], rule: Rule) -> Pool:
+    """The tosses as a rule reads them at a model's theta."""
     scores = toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion)(model, tosses)
-    pool = pool_of(one for one in scores if isinstance(one, TossInformation))
+    return pool_of(one for one in scores if isinstance(one, TossInformation))
+
+
+@lru_cache(maxsize=3)
+def _first_pool(body: str, seed: int, at_fit: bool, rule: Rule) -> Pool:
+    """The training tosses where rules select first, for all rules and sizes that read the same scores."""
+    return _pool(_start(body, seed, at_fit), _bench(body, seed).training, rule)
+
+
+def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:
+    """What the rule selects from a pool."""
     if cell.rule in BASELINES:
         return BASELINES[cell.rule](pool, tosses, cell.size, cell.seed)
-    return dict.fromkeys(sorted(rank_particles([pool], rule.ranking(cell.size, cell.seed)).selected_ids), 1.0)
+    ranking = RULES[cell.rule].ranking(cell.size, cell.seed)
+    return dict.fromkeys(sorted(rank_particles([pool], ranking).selected_ids), 1.0)
 
 
 def _fitted(model: PolytopeModel, origin: PolytopeModel | None, bench: Bench, chosen: Weights) -> PolytopeModel:
     data = selected_transitions(bench.training, tuple(chosen), bench.body.length_scale)
     return fit_held(model, data, FIT, origin, [chosen[name] for name in data.toss_ids]).model
-
-
-def _in_mujoco(model: PolytopeModel, friction: float, bench: Bench) -> MotionErrors:
-    """The errors of MuJoCo's motions of the hull of the learned vertices."""
-    from contact_curation.simulation.world import free_motion  # MuJoCo takes a second to import
-
-    scale = bench.body.length_scale
-    body = replace(bench.body, vertices=scale * model.geometry().vertices_normal, friction=friction)
-    measured = [states_of(toss, 1.0) for toss in bench.held_out]
-    moved = [free_motion(body, each[0], len(each), toss.frame_period) for each, toss in zip(measured, bench.held_out)]
-    starts = np.concatenate([[0], np.cumsum([len(each) for each in measured])])
-    predicted, seen = (np.concatenate(states) / _units(scale) for states in (moved, measured))
-    return motion_errors(predicted, seen, starts, bench.body)
-
-
-def _units(scale: float) -> Array:
-    """(13,) what states in SI units are divided by to be in characteristic lengths."""
-    return np.array([scale] * 3 + [1.0] * 4 + [scale] * 3 + [1.0] * 3)

@@ -3,27 +3,28 @@
 A seed's difference is the mean over its judging tosses of rule minus baseline, on the same tosses. Seeds share tosses, and
 each has only so many judges: a resample draws seeds, and within each the judging tosses, both with replacement (Efron and
 Tibshirani 1993, section 8.3). Beside each interval stands the two-sided sign test over the seeds, which assumes no
-distribution, and the same times the number of comparisons in the table (Bonferroni).
+distribution, and the same times the number of comparisons (Bonferroni) by that measure, on that body and with the same rule.
 """
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.stats import binomtest
 
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.comparison.compared import JUDGES
+from contact_curation.experiments.engines import MEASURES
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
+
+LEAST_SEEDS = 10
+"""Fewer seeds have a difference, and no interval."""
 
 AGAINST = ("random", "longest", "representative")
 """Rules that each rule is compared with."""
 
-MEASURES = tuple(f"{judge}_{name}" for judge in JUDGES for name in ("position", "rotation"))
 
-
-def differences(rows: Sequence[Row], config: BootstrapConfig) -> list[Row]:
+def differences(rows: Sequence[Row], config: BootstrapConfig, against: Sequence[str] = AGAINST) -> list[Row]:
     """A row for each body, size, measure, rule and rule that it is compared with."""
     cells: defaultdict[tuple[str, float, str], dict[float, Row]] = defaultdict(dict)
     for row in rows:
@@ -33,11 +34,16 @@ def differences(rows: Sequence[Row], config: BootstrapConfig) -> list[Row]:
         for measure in MEASURES:
             mean = float(np.mean([np.nanmean(_values(row, measure)) for row in own.values()]))
             head: Row = {"body": body, "size": size, "measure": measure, "rule": rule, "mean": mean}
-            for other in AGAINST:
+            for other in against:
                 others = cells.get((body, size, other), {})
                 if other != rule and others.keys() & own.keys():
                     found.append({**head, "minus": other, **_difference(own, others, measure, config)})
-    return [row | {"p_bonferroni": min(1.0, len(found) * float(row["p_sign"]))} for row in found]
+    counts = Counter(map(_family, found))
+    return [row | {"p_bonferroni": min(1.0, counts[_family(row)] * float(row["p_sign"]))} for row in found]
+
+
+def _family(row: Row) -> tuple[str, ...]:
+    return tuple(str(row[name]) for name in ("body", "measure", "minus"))
 
 
 def _difference(own: dict[float, Row], others: dict[float, Row], measure: str, config: BootstrapConfig) -> Row:
@@ -49,7 +55,8 @@ def _difference(own: dict[float, Row], others: dict[float, Row], measure: str, c
     better = sum(float(values.mean()) < 0.0 for values in each)
     ties = sum(float(values.mean()) == 0.0 for values in each)
     p = float(binomtest(better, len(each) - ties).pvalue) if len(each) > ties else 1.0
-    ends: Row = {"seeds": float(len(each)), "difference": interval.value, "low": interval.low, "high": interval.high}
+    low, high = (interval.low, interval.high) if len(each) >= LEAST_SEEDS else (np.nan, np.nan)
+    ends: Row = {"seeds": float(len(each)), "difference": interval.value, "low": low, "high": high}
     return ends | {"seeds_better": float(better), "p_sign": p}
 
 

@@ -80,8 +80,16 @@ class Laboratory:
     @cached_property
     def weights(self) -> Array:
         """(N,) one over the variances of the judging transitions, by the noise of the fit to all."""
-        found = transition_weights(self.pool.model.geometry(), self.bench.body, self.judging.before, self.judging.dt)
-        return np.ones(len(self.judging.dt)) if found is None else found
+        return self._weights_of(self.judging)
+
+    @cached_property
+    def training_weights(self) -> Array:
+        """(N,) the same of the training transitions."""
+        return self._weights_of(self.pool.data)
+
+    def _weights_of(self, data: Transitions) -> Array:
+        found = transition_weights(self.pool.model.geometry(), self.bench.body, data.before, data.dt)
+        return np.ones(len(data.dt)) if found is None else found
 
     def row(self, subset: Subset) -> Row:
         """The refit's row; one whose fit or judgement fails says why, and has no outcomes.

@@ -1,5 +1,9 @@
-"""`reproduce counterfactuals`: refits on random subsets, body by body, one line of a file each; then a table of the scores."""
+"""`reproduce counterfactuals`: refits on random subsets, body by body, one line of a file each; then a table of the scores.
 
+The tables have all refits that the folder has of these bodies, whatever sizes they were asked for with.
+"""
+
+import json
 import time
 from functools import partial
 from hashlib import sha256
@@ -12,8 +16,10 @@ from contact_curation.cli.report import print_json, warn
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.bodies import BODIES
 from contact_curation.experiments.cell_run import Row
+from contact_curation.experiments.counterfactuals.correlations import Scored, correlations, table_of
+from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.refitted import Laboratory, Subset
-from contact_curation.experiments.counterfactuals.scores import datamodeling_scores, known_of
+from contact_curation.experiments.counterfactuals.scores import foreseen, known_of
 from contact_curation.experiments.counterfactuals.table import read_refits, write_refits
 from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.run import make_folder
@@ -27,7 +33,7 @@ from contact_curation.version import __version__
 SIZES, REFITS = (16, 32), 400
 """Tosses of a subset, and refits of a body, half of them of each size."""
 
-TABLE, SCORES = "counterfactuals.parquet", "datamodeling_scores.csv"
+TABLE, SCORES, PAGE = "counterfactuals.parquet", "datamodeling_scores.csv", "tables.md"
 
 
 def run_counterfactuals(arguments: Arguments) -> int:
@@ -38,7 +44,7 @@ def run_counterfactuals(arguments: Arguments) -> int:
     sizes = tuple(dict.fromkeys(arguments.sizes or SIZES))
     refits = 2 * len(sizes) if arguments.quick else arguments.refits or REFITS
     bodies = tuple(dict.fromkeys(arguments.bodies or BODIES))
-    rows, run, scores, failed = list[Row](), 0, list[Row](), list[str]()
+    rows, run, scores, failed = list[Row](), 0, list[Scored](), list[str]()
     for body in bodies:
         try:
             laboratory = Laboratory.of(body).prepared()
@@ -48,12 +54,18 @@ def run_counterfactuals(arguments: Arguments) -> int:
             continue
         ledger = Ledger(arguments.out / f"{body}.jsonl", _identity(laboratory))
         run += _refit(laboratory, [one for one in subsets if one.key not in ledger], ledger, arguments.jobs, len(subsets))
-        own = [{**one.fields, **row} for one in subsets for row in ledger.rows(one.key)]
-        rows += own
+        known, tosses = known_of(laboratory), len(laboratory.bench.training)
+        rows += [
+            {**one.fields, **row, **{f"foreseen_{name}": value for name, value in foreseen(known, one.places(tosses)).items()}}
+            for one in (Subset(**json.loads(key)) for key in ledger.keys)
+            for row in ledger.rows(one.key)
+        ]
         write_refits(rows, {"package version": __version__}, arguments.out / TABLE)
         stored = [row for row in read_refits(arguments.out / TABLE) if row["body"] == body]
-        scores += datamodeling_scores(known_of(laboratory), laboratory.pool.data.toss_ids, stored, BootstrapConfig())
-        write_atomically(arguments.out / SCORES, csv_of(scores))
+        scores += correlations(stored, BootstrapConfig())
+        table = table_of(scores, BootstrapConfig())
+        write_atomically(arguments.out / SCORES, csv_of(table))
+        write_atomically(arguments.out / PAGE, page_of(table).encode())
     if not rows:
         raise InvalidValueError("refits", "none", f"at least one ({failed[0] if failed else 'no body'})")
     without = [row for row in rows if row["failed"]]
@@ -67,13 +79,13 @@ def run_counterfactuals(arguments: Arguments) -> int:
         "failed_refits": len(without),
         "processor_seconds_per_refit": round(spent, 3),
         "seconds": round(time.monotonic() - began, 1),
-        "files": [str(arguments.out / name) for name in (TABLE, SCORES)],
+        "files": [str(arguments.out / name) for name in (TABLE, SCORES, PAGE)],
     }
     if arguments.json:
         print_json(report)
     else:
         print(f"counterfactuals: {counted(len(rows), 'refit')} ({spent:.2f} s of processor time each), {run} run now")
-        print("\n".join(str(arguments.out / name) for name in (TABLE, SCORES)))
+        print("\n".join(str(arguments.out / name) for name in (TABLE, SCORES, PAGE)))
     return 1 if failed else 0
 
 

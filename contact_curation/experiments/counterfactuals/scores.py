@@ -1,47 +1,42 @@
-"""How well scores of tosses foresee what a model learns from a subset: the linear datamodeling score (Park and others 2023).
+"""Scores of a subset S of the training tosses that foresee, without a refit, how bad the model is that learns from S.
 
-Each score foresees, for a subset S of the training tosses, how bad the model is that learns from S. Over many random subsets of
-one size this is compared with the measured outcome by Spearman's rank correlation: 1 is a perfect order, 0 none. All is taken
-at the fit to all training tosses, with F_k the Gauss-Newton matrix of toss k and s_k its score, both weighted by the noise of
-impacts, in coordinates where the mean F is the identity:
+Where nothing else is said all is taken at the fit to all training tosses, with F_k the Gauss-Newton matrix of toss k and s_k
+its score, both weighted by the noise of impacts, in coordinates where the mean F is the identity:
 
 trace              - sum_S tr F_k, in the units of theta                     trace-empirical: of the sums of squared scores
 log-det            - log det (A0 + sum_S F_k)                                v-optimal: tr (A0 + sum_S F_k)^-1
 representative     what that criterion makes small                           herding: | mean_S s - mean s |^2
 facility-location  mean distance of a training toss's s to the nearest in S
 influence          - sum_S g H^-1 s_k, with g the gradient of the judging tosses' loss and H half the exact Hessian of the sum
-                   that was fitted, by differences of exact scores (Koh and Liang 2017). It is the only one that reads what
-                   judges: a bound for what additive scores can foresee.
+                   that was fitted, by differences of exact scores (Koh and Liang 2017)
 influence-set      the judging loss at the subset's own Newton step (the second order in it, too; Basu and others 2020)
+tracin, trak       see `traced`                                               knn-shapley: see `neighbours`
 duration, smoothness   - sum_S of seconds; sum_S of the mean square jerk      loss: sum_S of the mean loss of a toss
 
-Intervals are percentiles over resampled subsets, whose ranks are those among all.
+Both influences, tracin, trak and knn-shapley read the judging tosses, which no rule of selection may.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import rankdata
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.experiments.cell_run import ONE_THREAD, Row
+from contact_curation.experiments.cell_run import ONE_THREAD
+from contact_curation.experiments.counterfactuals.neighbours import knn_shapley
 from contact_curation.experiments.counterfactuals.refitted import Laboratory
-from contact_curation.experiments.counterfactuals.table import OUTCOMES
+from contact_curation.experiments.counterfactuals.traced import tracin, trak
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.criteria.expected_error import CAUTION
 from contact_curation.information.pool import Indices
 from contact_curation.information.subspace import identifiable_subspace
-from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
 from contact_curation.learning.fits.polytope_sums import polytope_sums
+from contact_curation.learning.fits.refits import RefitPool
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import Toss
 
 PRIOR = 1e-3
 """A0 as a share of the mean toss, as in `RankingConfig`."""
-
-JUDGED = tuple(name for name in OUTCOMES if name != "friction")
-"""Outcomes of which less is better."""
 
 
 class Known(NamedTuple):
@@ -70,20 +65,29 @@ def known_of(laboratory: Laboratory) -> Known:
     sums = pool.sums
     judged = polytope_sums(pool.model, laboratory.judging, Estimator.GAUSS_NEWTON, ONE_THREAD)
     empirical = polytope_sums(pool.model, pool.data, Estimator.EMPIRICAL, ONE_THREAD)
-    whole = sums.fishers.sum(axis=0)
-    turn = identifiable_subspace(whole).per_mean_toss(len(tosses))
+    turn, fishers, scores = whitened(pool)
     frames = np.diff(pool.data.starts)
     plain = {
         "trace": -np.trace(sums.fishers, axis1=1, axis2=2),
         "trace-empirical": -np.trace(empirical.fishers, axis1=1, axis2=2),
+        "tracin": -tracin(laboratory),
+        "trak": -trak(laboratory, turn),
+        "knn-shapley": -knn_shapley(tosses, laboratory.bench.held_out),
         "loss": sums.losses / frames,
         "duration": np.array([-toss.duration for toss in tosses]),
         "smoothness": np.array([_jerk(toss) for toss in tosses]),
     }
     return Known(
-        turn.T @ sums.fishers @ turn, sums.scores @ turn, judged.scores.sum(axis=0) @ turn, turn.T @ pool.hessian() @ turn,
+        fishers, scores, judged.scores.sum(axis=0) @ turn, turn.T @ pool.hessian() @ turn,
         turn.T @ judged.fishers.sum(axis=0) @ turn, plain,
     )  # fmt: skip
+
+
+def whitened(pool: RefitPool) -> tuple[Array, Array, Array]:
+    """(P, p) the way to coordinates where the mean Fisher matrix is the identity, the tosses' (K, p, p) and scores (K, p)."""
+    sums = pool.sums
+    turn = identifiable_subspace(sums.fishers.sum(axis=0)).per_mean_toss(len(sums.scores))
+    return turn, turn.T @ sums.fishers @ turn, sums.scores @ turn
 
 
 def _jerk(toss: Toss) -> float:
@@ -111,50 +115,3 @@ def foreseen(known: Known, chosen: Indices) -> dict[str, float]:
         "influence": -float(known.pull @ np.linalg.solve(known.hessian, own.sum(axis=0))),
         "influence-set": float(shift @ known.judging @ shift - 2.0 * known.pull @ shift),
     }
-
-
-def datamodeling_scores(known: Known, ids: Sequence[str], rows: Sequence[Row], config: BootstrapConfig) -> list[Row]:
-    """A row for each size, outcome and score: the correlation with its interval.
-
-    Args:
-        known: of the training tosses.
-        ids: K, of the training tosses.
-        rows: of refits of one body.
-        config: of the intervals.
-    """
-    places = {name: place for place, name in enumerate(ids)}
-    found: list[Row] = []
-    for size in sorted({float(row["size"]) for row in rows}):
-        own = [row for row in rows if float(row["size"]) == size]
-        sets = [np.array([places[name] for name in str(row["tosses"]).split()]) for row in own]
-        predicted = [foreseen(known, chosen) for chosen in sets]
-        for outcome in JUDGED:
-            measured = np.array([float(row[outcome]) for row in own])
-            for name in predicted[0]:
-                interval = rank_correlation(np.array([each[name] for each in predicted]), measured, config)
-                row: Row = {"body": own[0]["body"], "size": size, "subsets": float(len(own)), "outcome": outcome, "score": name}
-                found.append(row | {"spearman": interval.value, "low": interval.low, "high": interval.high})
-    return found
-
-
-def rank_correlation(one: Array, other: Array, config: BootstrapConfig) -> Interval:
-    """Spearman's correlation of numbers (n,) and (n,) where both are finite, with its interval; NaN where one is constant."""
-    finite = np.isfinite(one) & np.isfinite(other)
-    count = int(finite.sum())
-    if count < 3 or not np.ptp(one[finite]) or not np.ptp(other[finite]):
-        return Interval(np.nan, np.nan, np.nan)
-    pairs = np.stack([rankdata(values[finite]) - 0.5 * (count + 1) for values in (one, other)])  # (2, n), centred
-    rng = np.random.default_rng(config.seed)
-    draws = rng.multinomial(count, np.full(count, 1.0 / count), size=config.resamples) / count  # (R, n)
-    outside = 0.5 * (1.0 - config.confidence)
-    low, high = np.nanquantile(_correlations(pairs, draws), [outside, 1.0 - outside])
-    return Interval(float(_correlations(pairs, np.full((1, count), 1.0 / count))[0]), float(low), float(high))
-
-
-def _correlations(pairs: Array, weights: Array) -> Array:
-    """(R,) Pearson's correlations of pairs (2, n) under weights (R, n) that sum to 1."""
-    means = weights @ pairs.T  # (R, 2)
-    covariance = weights @ (pairs[0] * pairs[1]) - means[:, 0] * means[:, 1]
-    variances = weights @ np.square(pairs).T - np.square(means)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(covariance / np.sqrt(variances.prod(axis=1)))

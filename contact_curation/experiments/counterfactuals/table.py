@@ -30,11 +30,20 @@ NUMBERS = {
     "fit_seconds": "processor time of the refit [s]",
     "judge_seconds": "processor time of the judgement [s]",
 }
+FORESEEN = (
+    *("trace", "trace-empirical", "log-det", "v-optimal", "representative", "herding", "facility-location", "influence"),
+    *("influence-set", "tracin", "trak", "knn-shapley", "loss", "duration", "smoothness"),
+)
+"""Scores of subsets."""
+
+FORESEEN_BY = {f"foreseen_{name}": f"how bad the model is by the score {name} (experiments/counterfactuals/scores.py)"
+               for name in FORESEEN}  # fmt: skip
 SCHEMA = pa.schema(
     [
         pa.field("body", pa.string(), nullable=False, metadata={"description": "see experiments/bodies.py"}),
         *(pa.field(name, pa.int32(), nullable=False, metadata={"description": text}) for name, text in WHOLE.items()),
         *(pa.field(name, pa.float32(), nullable=False, metadata={"description": text}) for name, text in NUMBERS.items()),
+        *(pa.field(name, pa.float64(), nullable=False, metadata={"description": text}) for name, text in FORESEEN_BY.items()),
         pa.field("converged", pa.bool_(), nullable=False, metadata={"description": "whether the last descent converged"}),
         pa.field("failed", pa.string(), nullable=False, metadata={"description": "why it has no outcomes; empty if it has"}),
         pa.field("tosses", pa.list_(pa.string()), nullable=False, metadata={"description": "ids of the subset"}),

@@ -6,7 +6,7 @@ import pytest
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments import bodies
 from contact_curation.experiments.counterfactuals.refitted import Laboratory, Subset
-from contact_curation.experiments.counterfactuals.table import OUTCOMES, SCHEMA
+from contact_curation.experiments.counterfactuals.table import FORESEEN_BY, OUTCOMES, SCHEMA
 from contact_curation.information.pool import Indices
 from contact_curation.learning.fits.refits import Refit, RefitPool
 
@@ -22,7 +22,7 @@ def test_a_refit_that_fails_is_a_row_without_outcomes(monkeypatch: pytest.Monkey
     whole = laboratory.row(subset)
     monkeypatch.setattr(RefitPool, "refit", failing)
     row = laboratory.row(subset)
-    assert row.keys() == whole.keys() == set(SCHEMA.names) - {"body", "size", "draw"}
+    assert row.keys() == whole.keys() == set(SCHEMA.names) - {"body", "size", "draw", *FORESEEN_BY}
     assert row["tosses"] == whole["tosses"]
     assert (whole["failed"], row["failed"]) == ("", "friction: found 0.0, expected a positive number")
     assert all(np.isnan(float(row[name])) for name in OUTCOMES)

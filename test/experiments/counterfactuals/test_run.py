@@ -27,12 +27,17 @@ def test_refits_go_on_after_a_stop_and_judge_the_same(cli: Cli, tmp_path: Path, 
     (tmp_path / "torn" / "slab.jsonl").write_text("".join(lines[:4]) + lines[4][:30])
     torn = cli(*words, tmp_path / "torn")
     assert torn.json["run"] == 3
+    more = cli(
+        "reproduce", "counterfactuals", "--bodies", "slab", "--sizes", 3, "--refits", 1, "--json", "--out", tmp_path / "torn"
+    )
+    assert (more.json["refits"], more.json["run"]) == (7, 1)
+    assert {row["size"] for row in read_refits(tmp_path / "torn" / "counterfactuals.parquet")} == {2, 3, 4}
     with (tmp_path / "whole" / "datamodeling_scores.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
     assert {"influence", "log-det", "representative", "herding", "trace", "duration"} <= {row["score"] for row in table}
     assert all(-1.0 <= float(row["spearman"]) <= 1.0 for row in table if row["spearman"] != "nan")
     mended = [json.loads(line) for line in (tmp_path / "torn" / "slab.jsonl").read_text().splitlines()]
-    for line, other in zip(mended[1:], map(json.loads, lines[1:]), strict=True):
+    for line, other in zip(mended[1:7], map(json.loads, lines[1:]), strict=True):
         one, two = ({name: value for name, value in each["rows"][0].items() if "seconds" not in name} for each in (line, other))
         assert one == two
 

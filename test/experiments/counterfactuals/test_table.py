@@ -7,13 +7,14 @@ import pytest
 
 from contact_curation.errors import UnreadableInputError
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.counterfactuals.table import NUMBERS, SCHEMA, WHOLE, read_refits, write_refits
+from contact_curation.experiments.counterfactuals.table import FORESEEN_BY, NUMBERS, SCHEMA, WHOLE, read_refits, write_refits
 
 
 def row(draw: int) -> Row:
     numbers = {name: 0.5 * place + draw for place, name in enumerate(NUMBERS)}
     whole = dict.fromkeys(WHOLE, 7.0) | {"draw": float(draw)}
-    return {"body": "cube", **whole, **numbers, "converged": 1.0, "failed": "", "tosses": "toss-3 toss-5"}
+    said = {name: 0.25 * place - draw for place, name in enumerate(FORESEEN_BY)}
+    return {"body": "cube", **whole, **numbers, **said, "converged": 1.0, "failed": "", "tosses": "toss-3 toss-5"}
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
