@@ -67,7 +67,7 @@ def out_of_order(evidence: Evidence) -> Finding | None:
         return None
     remedy = "give every pose the time of its image, and publish each once"
     if late:
-        remedy = f"write it anew in the order of header stamps; up to {1e-9 * OVERTAKEN_NS:g} s is put right"
+        remedy = f"write it anew in the order of header stamps; up to {1e-9 * OVERTAKEN_NS:g} s is corrected"
     return Finding(Severity.FAULT if worst > MOST_DISORDER else Severity.WARNING, of_recordings(evidence, found), remedy)
 
 
