@@ -11,7 +11,6 @@ those that it cannot make. Then every fault happens at four moments of a throw.
 import argparse
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -21,15 +20,15 @@ from contact_curation.design.designer import ONE_THREAD
 from contact_curation.design.greedy_batch import RefinementConfig
 from contact_curation.design.planner import DesignConfig, Planner
 from contact_curation.design.predicted_information import Particle
-from contact_curation.design.releases import PUBLISHED_PRIOR
+from contact_curation.design.releases import PriorConfig, published_prior
 from contact_curation.design.throw import Throw
 from contact_curation.simulation.arm.safety import path_out_of_limits
 from contact_curation.simulation.arm.throw_motion import Refused
 from test.foreign_arm.arms import FILES
 from test.foreign_arm.throwing import FAULTS, Lab
 
-SLOWER = np.array([1.0, 0.6, 0.6, 0.3, 0.3, 0.3])
-"""Share of the published height, speeds and spins."""
+SLOWER = PriorConfig(speed=0.6, spin=0.3)
+"""Than the published throws."""
 
 FEWEST = 6
 """Throws: the first few show the gripper's delay."""
@@ -66,11 +65,8 @@ def designed(lab: Lab, count: int, seed: int) -> tuple[Throw, ...]:
         return [str(answer) if isinstance(answer, Refused) else None for answer in answers]
 
     particle = Particle(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, ONE_THREAD)
-    slower = replace(
-        PUBLISHED_PRIOR, mean=SLOWER * PUBLISHED_PRIOR.mean, covariance=np.outer(SLOWER, SLOWER) * PUBLISHED_PRIOR.covariance
-    )
     config = DesignConfig(pool=2 * count, refinement=RefinementConfig(generations=0))
-    planner = Planner([particle], slower, config=config, feasible=refusals)
+    planner = Planner([particle], published_prior(SLOWER), config=config, feasible=refusals)
     return planner.plan([f"throw-{number}" for number in range(count)], planner.known(), seed).throws
 
 

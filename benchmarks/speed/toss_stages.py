@@ -103,8 +103,8 @@ def poses(count: int) -> Iterator[FramePose]:
         around = surrounded(toss, BEFORE, AFTER, SegmenterConfig())
         first_ns = int(toss.stamps_ns[0])
         rows = (around.stamps_ns.tolist(), around.positions.tolist(), around.orientations_wxyz.tolist())
-        for stamp_ns, position, orientation in zip(*rows, strict=True):
-            pose = ScalarPose(tuple(position), tuple(orientation))
+        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(*rows, strict=True):
+            pose = ScalarPose((x, y, z), (qw, qx, qy, qz))
             yield FramePose(first_ns + stamp_ns, BOARD, "body_cube", pose)
 
 

@@ -4,6 +4,7 @@
 """
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -71,6 +72,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Runs the command line; returns its exit status."""
     # With thousands of small matrices BLAS threads mostly wait for each other; on a busy machine that takes five times longer.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if argv is None:  # a process of its own
+        gc.disable()  # until everything is imported
     _prepare_streams()
     try:
         with endings_as_interrupt():
@@ -96,6 +99,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 @says_what_to_install
 def _run(words: list[str]) -> int:
     parser = build_parser(words or os.environ.get("COMP_LINE", "").split())
+    if not gc.isenabled():
+        gc.freeze()  # what was imported stays: the garbage collector need not look through it
+        gc.enable()
     _complete(parser)
     arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)

@@ -5,7 +5,7 @@ holds (method.md E5). A transition whose impulses carry no certificate keeps its
 never zero.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -236,22 +236,13 @@ def _weighted_sums(
     influence_bound: float,
     config: LossConfig,
 ) -> FisherSums:
-    """The sums of each toss over runs of one weight each, which the kernel sums as if they were tosses."""
+    """The same sums with the rows of each toss in the order of their weights: the kernel weighs equal ones together."""
     toss = np.repeat(np.arange(rows.starts.size - 1), np.diff(rows.starts))
     order = np.lexsort((weights, toss))
-    toss, each = toss[order], weights[order]
-    changes = np.flatnonzero((np.diff(toss) != 0) | (np.diff(each) != 0.0)) + 1
-    edges = np.unique(np.concatenate([[0], changes, [len(each)]])).astype(np.int64)
-    ordered = _Rows(rows.before[order], rows.after[order], rows.dt[order], edges)
-    runs = _sums(geometry, body, ordered, estimator, influence_bound, config)
-    by_run, owner = each[edges[:-1]], toss[edges[:-1]]
-    in_fishers = by_run if estimator is Estimator.GAUSS_NEWTON else by_run**2  # its rows are residuals, the other's are scores
-    tosses = rows.starts.size - 1
-    fishers, score_sums = np.zeros((tosses, *runs.fishers.shape[1:])), np.zeros((tosses, runs.score_sums.shape[1]))
-    np.add.at(fishers, owner, in_fishers[:, None, None] * runs.fishers)
-    np.add.at(score_sums, owner, by_run[:, None] * runs.score_sums)
+    ordered = _Rows(rows.before[order], rows.after[order], rows.dt[order], rows.starts)
+    sums = _sums(geometry, body, ordered, estimator, influence_bound, config, weights=weights[order])
     back = np.argsort(order)
-    return FisherSums(fishers, score_sums, runs.losses[back], runs.residuals[back], runs.status[back])
+    return replace(sums, losses=sums.losses[back], residuals=sums.residuals[back], status=sums.status[back])
 
 
 def _sums(
@@ -262,6 +253,7 @@ def _sums(
     influence_bound: float,
     config: LossConfig,
     earlier: tuple[Array, Array] | None = None,
+    weights: Array | None = None,
 ) -> FisherSums:
     """The sums of each toss, added to those of its `earlier` transitions where there are any."""
     count, tosses, size = len(rows.dt), rows.starts.size - 1, geometry.kernel_size
@@ -275,7 +267,7 @@ def _sums(
         status=np.empty(count, np.int32),
     )
     compiled_evaluation.run(
-        geometry, body, config, *rows, KERNEL_CODES[estimator], influence_bound,
+        geometry, body, config, *rows, KERNEL_CODES[estimator], influence_bound, weights,
         terms=terms, residual=result.residuals, status=result.status, fisher=result.fishers, score_sum=result.score_sums,
     )  # fmt: skip
     terms.sum(axis=1, out=result.losses)

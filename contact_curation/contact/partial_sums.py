@@ -35,16 +35,15 @@ class PartialSums:
 
     def added(self, before: Array, after: Array, dt: Array, weights: Array) -> "PartialSums":
         """The sums with the next N transitions, of these weights (N,); the others as in `fisher_sums`."""
-        rows = checked_transitions(self.geometry, before, after, dt)
+        first, second, periods = checked_transitions(self.geometry, before, after, dt)
         runs, size = dict(self.runs), self.geometry.kernel_size
-        part = FisherSums(
-            np.zeros((1, size, size)), np.zeros((1, size)), *(np.empty(len(dt)) for _ in "lr"), np.empty(len(dt), np.int32)
-        )
+        count, nothing = len(dt), (np.zeros((1, size, size)), np.zeros((1, size)))
+        part = FisherSums(*nothing, np.empty(count), np.empty(count), np.empty(count, np.int32))
         for weight in np.unique(weights).tolist():
             own = weights == weight
-            known = runs.get(weight, (part.fishers, part.score_sums))
-            method = self.estimator, self.influence_bound, self.config
-            sums = added_sums(self.geometry, self.body, *(row[own] for row in rows), *known, *method)
+            earlier = runs.get(weight, nothing)
+            rows = first[own], second[own], periods[own]
+            sums = added_sums(self.geometry, self.body, *rows, *earlier, self.estimator, self.influence_bound, self.config)
             runs[weight] = sums.fishers, sums.score_sums
             for name in ("losses", "residuals", "status"):
                 getattr(part, name)[own] = getattr(sums, name)

@@ -8,12 +8,13 @@ orientations are those that were seen, each blurred by a few degrees. Fitted in 
 its mean where nobody throws: headings lie on a ring, and orientations have no mean.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contact_curation.configs import ranged
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -166,6 +167,32 @@ PUBLISHED_PRIOR = ThrowPrior(
 )
 """The releases of ContactNets' 570 published tosses (Pfrommer, Halm and Posa 2020; DAIRLab/contact-nets): means and standard
 deviations in the heading frame (method.md 3), every orientation as likely as any other."""
+
+
+@dataclass(frozen=True)
+class PriorConfig:
+    """How fast throws are drawn, compared with the published ones; an arm may not reach those.
+
+    Attributes:
+        speed: share of the published speeds.
+        spin: share of the published spins.
+    """
+
+    speed: float = ranged(1.0, 0.0, 2.0)
+    spin: float = ranged(1.0, 0.0, 2.0)
+
+    def __post_init__(self) -> None:
+        for name in ("speed", "spin"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InvalidValueError(f"prior.{name}", getattr(self, name), "a positive number")
+
+
+def published_prior(config: PriorConfig) -> ThrowPrior:
+    """`PUBLISHED_PRIOR` at a share of its speeds and spins."""
+    shares = np.repeat([1.0, config.speed, config.spin], [1, 2, 3])
+    return replace(
+        PUBLISHED_PRIOR, mean=shares * PUBLISHED_PRIOR.mean, covariance=np.outer(shares, shares) * PUBLISHED_PRIOR.covariance
+    )
 
 
 def fitted_prior(states: ArrayLike) -> ThrowPrior:

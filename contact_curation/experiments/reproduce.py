@@ -11,7 +11,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
 
 OF_A_BODY = ("dataset-quality", "functionals", "robustness", "designed-throws", "theorem", "calibration")
-OVER_BODIES = ("counterfactuals", "criteria")
+OVER_BODIES = ("counterfactuals", "criteria", "against-sysid")
 """Experiments that have their own bodies and tosses."""
 
 EXPERIMENTS = (*OF_A_BODY, *OVER_BODIES)
@@ -27,7 +27,8 @@ def add_options(parser: OneLineParser) -> None:
         "writes rows.csv, summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and "
         "figure.png. In designed-throws the rules are ways to choose throws of a simulated arm, and the sizes are numbers of "
         "throws. counterfactuals refits a polytope exactly on random subsets of bodies' tosses, and says how well scores of "
-        "tosses foresee the errors; criteria compares rules on these bodies, judged by two engines. These two take no INPUT. "
+        "tosses foresee the errors; criteria compares rules on these bodies, judged by two engines; against-sysid compares the "
+        "exact fit with MuJoCo's system identification and CMA-ES on those that are boxes. These three take no INPUT. "
         f"Without INPUT reproduce reads ContactNets' tosses in folder {TOSSES}/ of the folder that {PUBLIC_DATA} names."
     )
     parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
@@ -79,6 +80,10 @@ def run(arguments: Arguments) -> int:
         from contact_curation.experiments.comparison.run import run_comparison
 
         return run_comparison(arguments)
+    if arguments.experiment == "against-sysid":
+        from contact_curation.experiments.against_sysid.run import run_against_sysid
+
+        return run_against_sysid(arguments)
     if not arguments.inputs:
         arguments.inputs = [_public_tosses()]
     from contact_curation.experiments.run import run_experiment  # torch takes over a second, which --help need not wait for

@@ -68,6 +68,12 @@ def log(q_wxyz: ArrayLike) -> Array:
     return np.asarray(scale * q[..., 1:])
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Cross products of vectors (..., 3); `np.cross`, which takes any axis, takes five times as long for few."""
+    ax, ay, az, bx, by, bz = (each[..., axis] for each in (a, b) for axis in range(3))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
 def angle_between(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
     """Angles (...) [rad] of the rotations from a to b."""
     return np.asarray(np.linalg.norm(log(multiply(conjugate(a_wxyz), b_wxyz)), axis=-1))

@@ -116,17 +116,17 @@ def footing(toss: Toss, polytope: Polytope, speed: float, spin: float) -> Array 
     """
     last = slice(-REST_FRAMES, None)
     speeds, spins = (np.linalg.norm(each[last], axis=1) for each in (toss.linear_velocities, toss.angular_velocities))
-    if np.median(speeds) > speed or np.median(spins) > spin:
+    if _median(speeds) > speed or _median(spins) > spin:
         return None
     turned = quaternions.to_matrix(toss.orientations_wxyz[last]) @ polytope.vertices.T
-    corners = np.median(turned.swapaxes(1, 2) + toss.positions[last, np.newaxis], axis=0)
+    corners = _median(turned.swapaxes(1, 2) + toss.positions[last, np.newaxis])
     down = -quaternions.to_matrix(toss.orientations_wxyz[-1])[2]  # in the body's frame
     return np.asarray(corners[_triangle_of(corners, polytope.face_towards(down))])
 
 
 def rest_normal(corners: Array) -> Array:
     """(3,) up, of the face that a body lies on, by its `footing`."""
-    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal = quaternions.cross(corners[1] - corners[0], corners[2] - corners[0])
     return np.asarray(normal * np.sign(normal[2]) / np.linalg.norm(normal))
 
 
@@ -216,7 +216,7 @@ def spin_gate(steps: Steps, bounds: GateBounds) -> str:
 
 def twist_gate(steps: Steps, bounds: GateBounds) -> str:
     """Nothing twists a body but a push at a vertex; a median may have moved either by a frame, or two pushes into one."""
-    pushes = sqrt(1.0 + bounds.largest_friction**2) * np.pad(np.maximum(steps.contact_velocities[:, 2], 0.0), 1)
+    pushes = sqrt(1.0 + bounds.largest_friction**2) * _between_nothing(np.maximum(steps.contact_velocities[:, 2], 0.0))
     nearby = pushes[1:-1] + np.maximum(pushes[:-2], pushes[2:])
     nearby = nearby + np.minimum(nearby, bounds.gravity * steps.dt)  # at a peak a median clips what gravity takes in a frame
     beyond = (np.abs(steps.spin_changes) - np.outer(nearby, bounds.levers)).max(axis=1)
@@ -253,7 +253,7 @@ def turn_gate(steps: Steps, bounds: GateBounds) -> str:
 def passing_pushes(steps: Steps, bounds: GateBounds) -> Array:
     """(T - 1,) the lesser of what contact gives upwards at the beginning and at the end of a step, without a median [m/s]."""
     rates = np.diff(steps.toss.positions[:, 2]) / steps.dt
-    pushes = np.pad(np.diff(rates) + bounds.gravity * steps.dt[1:], 1)  # (T,) at each frame; none is known at the ends
+    pushes = _between_nothing(np.diff(rates) + bounds.gravity * steps.dt[1:])  # (T,) at each frame; none is known at the ends
     return np.maximum(np.minimum(pushes[:-1], pushes[1:]), 0.0)
 
 
@@ -281,13 +281,24 @@ GATES: tuple[Gate, ...] = (
 def _worst_beyond(what: str, values: Array, bounds: Array, unit: str) -> str:
     """The line of the value that is farthest over its own bound, if any is; the first value is of frame 1."""
     at = int(np.argmax(values - bounds))
-    return _worst(what, np.where(np.arange(len(values)) == at, values, 0.0), float(bounds[at]), unit)
+    return _worst(what, values[at : at + 1], float(bounds[at]), unit, first=at + 1)
+
+
+def _between_nothing(values: Array) -> Array:
+    """Values (N,) with a zero before and after them."""
+    return np.concatenate([[0.0], values, [0.0]])
+
+
+def _median(values: Array) -> Array:
+    """The median (...) of values (N, ...); `np.median`, which takes any axis, takes three times as long for few."""
+    ordered = np.sort(values, axis=0)
+    return np.asarray(ordered[(len(values) - 1) // 2 : len(values) // 2 + 1].mean(axis=0))
 
 
 def _free_spin_changes(spins: Array, moments: Array, dt: Array) -> Array:
     """(T - 1, 3) what a body's inertia alone makes of its spins (T, 3) about the principal axes: Euler's equations."""
     middle = 0.5 * (spins[:-1] + spins[1:])
-    return np.asarray(np.cross(moments * middle, middle) / moments * dt[:, np.newaxis])
+    return np.asarray(quaternions.cross(moments * middle, middle) / moments * dt[:, np.newaxis])
 
 
 def _rocks(toss: Toss, tracker: TrackerScale) -> bool:
@@ -301,7 +312,7 @@ def _triangle_of(corners: Array, face: NDArray[np.int64]) -> NDArray[np.int64]:
     """The three lowest of the vertices (V, 3) of a face that are on no line."""
     first, second, *others = face[np.argsort(corners[face, 2])].tolist()
     along = corners[second] - corners[first]
-    areas = np.linalg.norm(np.cross(corners[others] - corners[first], along), axis=1)
+    areas = np.linalg.norm(quaternions.cross(corners[others] - corners[first], along), axis=1)
     third = others[int(np.argmax(areas > ON_A_LINE * areas.max()))]
     return np.array([first, second, third])
 

@@ -194,16 +194,22 @@ class TossIngest:
         return ended
 
     def _segmented_run(self, run: PoseRun) -> list[IngestEvent]:
-        """The same for a run: only the first pose in a span changes the measured noise, and so the segmenter's bounds."""
+        """The same for a run, cut where the measured noise changes the segmenter's bounds."""
         ended: list[IngestEvent] = []
-        for span in spans_of(run):
-            ended += self._segmented(body_poses(span.part(0, 1)))
-            rest = span.part(1, len(span))
-            if self.config.segmenter.tracker_noise is not None or self.noise.scale == self._segmenter.tracker:
-                self.noise.push_run(rest)
-                ended += self._judged(self._segmenter.push_run(rest))
-            else:  # the bounds follow when the motion in progress ends
-                ended += self._segmented(body_poses(rest))
+        self._first_ns = int(run.stamps_ns[0]) if self._first_ns is None else self._first_ns
+        while len(run):
+            if self.config.segmenter.tracker_noise is None and self.noise.scale != self._segmenter.tracker:
+                taken = len(spans_of(run)[0])  # the bounds follow when the motion in progress ends
+                ended += self._segmented(body_poses(run.part(0, taken)))
+            else:
+                known = self.noise.scale
+                taken = self.noise.push_run(run)
+                steady = taken if self.noise.scale == known else taken - 1
+                ended += self._judged(self._segmenter.push_run(run.part(0, steady)))
+                if steady < taken:
+                    ended += self._judged(self._noise_followed(int(run.stamps_ns[steady])))
+                    ended += self._judged(self._segmenter.push_run(run.part(steady, taken)))
+            run = run.part(taken, len(run))
         return ended
 
     def _noise_followed(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:

@@ -14,11 +14,12 @@ noise, although one may have begun a little earlier.
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import ceil, comb, factorial, log2, radians, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
@@ -90,12 +91,28 @@ class PoseNoise:
     def push(self, stamp_ns: int, position: Vector, orientation_wxyz: Quaternion) -> None:
         """Takes in the next pose, with a later stamp."""
         if self._rows and stamp_ns // SPAN_NS != self._rows[-1][0] // SPAN_NS:
-            self._close()
+            self._close(_scatter(self._rows))
+            self._rows = self._rows[-ORDER:]
         self._rows.append((stamp_ns, *position, *orientation_wxyz))
 
-    def push_run(self, run: PoseRun) -> None:
-        """The same for poses within the span of the last one (`spans_of`)."""
-        self._rows += [(stamp_ns, *position, *orientation) for stamp_ns, position, orientation in run.one_by_one()]
+    def push_run(self, run: PoseRun) -> int:
+        """The same for the poses of a run, up to the first one that changes `scale`; returns how many were taken in."""
+        known, before = len(self._rows), self._scale
+        stamps = np.concatenate([np.array([row[0] for row in self._rows], dtype=np.int64), run.stamps_ns])
+        poses = np.concatenate([np.array(self._rows).reshape(-1, 8)[:, 1:], np.hstack([run.positions, run.orientations_wxyz])])
+        ends = [end for end in (np.flatnonzero(np.diff(stamps // SPAN_NS)) + 1).tolist() if end >= max(known, 1)]
+        parts = list(pairwise((0, *ends)))
+        parts = [(max(0, begin - ORDER), end) for begin, end in parts]
+        taken, begin = len(stamps), 0
+        for (begin, end), found in zip(parts, _scatters(stamps, poses, parts), strict=True):
+            self._close(found)
+            begin = max(begin, end - ORDER)
+            if self._scale != before:
+                taken = end + 1
+                break
+        rows = PoseRun(stamps[begin:taken], poses[begin:taken, :3], poses[begin:taken, 3:]).one_by_one()
+        self._rows = [(stamp_ns, *position, *orientation) for stamp_ns, position, orientation in rows]
+        return taken - known
 
     def reset(self) -> None:
         """The next pose has nothing to do with the last one."""
@@ -138,13 +155,12 @@ class PoseNoise:
         self._spans = deque(spans, maxlen=KEPT)
         self._scale = _scale_for(*self._multiples) if self._spans else RIG
 
-    def _close(self) -> None:
-        """Ends the span; the first one of a stream was not seen whole, and does not count."""
-        found = _scatter(self._rows) if self._whole else None
-        if found is not None:
+    def _close(self, found: tuple[float, float] | None) -> None:
+        """Ends a span with what was found in it; the first one of a stream was not seen whole, and does not count."""
+        if self._whole and found is not None:
             self._spans.append(found)
             self._scale = _scale_for(*self._multiples)
-        self._rows, self._whole = self._rows[-ORDER:], True
+        self._whole = True
 
     @property
     def _multiples(self) -> tuple[float, float]:
@@ -168,29 +184,49 @@ def scattering(multiple: float) -> str:
 
 
 def _scatter(rows: list[Row]) -> tuple[float, float] | None:
-    """Standard deviations of a position [m] and of a turn [rad] about an axis; None where too few poses are even."""
+    """Of one span: as `_scatters`."""
     if len(rows) < ORDER + FEWEST:
         return None
     stamps, poses = np.array([row[0] for row in rows]), np.array([row[1:] for row in rows])
-    poses[1:, 3:] *= np.cumprod(np.where((poses[1:, 3:] * poses[:-1, 3:]).sum(axis=1) < 0.0, -1.0, 1.0))[:, np.newaxis]
-    times = 1e-9 * (stamps - stamps[0])
+    return _scatters(stamps, poses, [(0, len(rows))])[0]
+
+
+def _scatters(stamps: NDArray[np.int64], poses: Array, parts: list[tuple[int, int]]) -> list[tuple[float, float] | None]:
+    """Standard deviations of a position [m] and of a turn [rad] about an axis; None where too few poses are even.
+
+    Args:
+        stamps: (N,) [ns].
+        poses: (N, 7) positions [m] and orientations.
+        parts: first row and the one after the last of each span and of the poses before it that its windows begin with.
+    """
+    if not parts:
+        return []
+    rows = np.concatenate([np.arange(begin, end) for begin, end in parts])  # (M,) those of two spans twice
+    lengths = [end - begin for begin, end in parts]
+    times = 1e-9 * (stamps[rows] - np.repeat(stamps[[begin for begin, _ in parts]], lengths))
+    bent = poses[rows]
+    bent[1:, 3:] *= np.cumprod(np.where((bent[1:, 3:] * bent[:-1, 3:]).sum(axis=1) < 0.0, -1.0, 1.0))[:, np.newaxis]
     between = times[1:] - times[:-1]
-    steps = np.stack([between[k : k + len(times) - ORDER] for k in range(ORDER)])  # (6, T - 6)
+    steps = np.stack([between[k : k + len(times) - ORDER] for k in range(ORDER)])  # (6, M - 6)
     longest = steps.max(axis=0)
-    bent = poses
-    for order in range(1, ORDER + 1):
-        bent = (bent[1:] - bent[:-1]) / (times[order:] - times[:-order])[:, np.newaxis]
-    bent = bent * (factorial(ORDER) * steps.mean(axis=0) ** ORDER)[:, np.newaxis]  # (T - 6, 7)
-    bent = bent[(longest <= SLOWEST) & (longest <= EVEN * steps.min(axis=0)) & np.any(bent[:, :3] != 0.0, axis=1)]
-    if len(bent) < FEWEST:
-        return None
-    return _deviation(bent[:, :3]), 2.0 * _deviation(bent[:, 3:])
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # windows over the edge of two spans are left out below
+        for order in range(1, ORDER + 1):
+            bent = (bent[1:] - bent[:-1]) / (times[order:] - times[:-order])[:, np.newaxis]
+        bent = bent * (factorial(ORDER) * steps.mean(axis=0) ** ORDER)[:, np.newaxis]  # (M - 6, 7)
+    even = (longest <= SLOWEST) & (longest <= EVEN * steps.min(axis=0)) & np.any(bent[:, :3] != 0.0, axis=1)
+    edges = pairwise(accumulate(lengths, initial=0))
+    return [_deviations(bent[begin : end - ORDER][even[begin : end - ORDER]]) for begin, end in edges]
+
+
+def _deviations(bent: Array) -> tuple[float, float] | None:
+    """Of a span's windows (N, 7)."""
+    return None if len(bent) < FEWEST else (_deviation(bent[:, :3]), 2.0 * _deviation(bent[:, 3:]))
 
 
 def _deviation(bent: Array) -> float:
     squares = np.sort((bent * bent).sum(axis=1))
-    middle = np.sqrt(squares[(len(squares) - 1) // 2 : len(squares) // 2 + 1])
-    return float(middle.mean()) / (MEDIAN_LENGTH * sqrt(comb(2 * ORDER, ORDER)))
+    low, high = float(squares[(len(squares) - 1) // 2]), float(squares[len(squares) // 2])
+    return 0.5 * (sqrt(low) + sqrt(high)) / (MEDIAN_LENGTH * sqrt(comb(2 * ORDER, ORDER)))
 
 
 def _scale_for(position: float, turn: float) -> TrackerScale:

@@ -151,7 +151,7 @@ class TossSegmenter:
         Raises:
             InvalidValueError: a stamp is not later than the last.
         """
-        frames, ended, at = [Frame(*one) for one in run.one_by_one()], list[Toss | Rejected](), 0
+        frames, ended, at = list(map(Frame._make, run.one_by_one())), list[Toss | Rejected](), 0
         eventful: Eventful | None = None
         while at < len(frames):
             if len(self._run) >= MEMORY and len(self._steps_ns) == STEPS:

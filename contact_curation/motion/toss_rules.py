@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -139,8 +140,8 @@ def cut(run: Sequence[Frame], first: int, stop: int, body: str, source: str, con
         config: for the frame period, and whether orientations are filtered.
     """
     stamps = np.array([frame.stamp_ns for frame in run], dtype=np.int64)
-    positions = np.array([frame.position for frame in run])
-    orientations = np.array([frame.orientation_wxyz for frame in run])
+    positions = _table([frame.position for frame in run], 3)
+    orientations = _table([frame.orientation_wxyz for frame in run], 4)
     if config.filter_orientations:
         orientations = median_orientations(orientations)
     rates = kinematics(stamps, positions, orientations)
@@ -157,6 +158,11 @@ def cut(run: Sequence[Frame], first: int, stop: int, body: str, source: str, con
         angular_velocities=rates.angular_velocities[kept],
     )
     return Motion(toss, rates.accelerations[kept])
+
+
+def _table(rows: Sequence[Sequence[float]], width: int) -> Array:
+    """(T, width) numbers of T rows; `np.array` would first look at each for its shape."""
+    return np.fromiter(chain.from_iterable(rows), dtype=float, count=width * len(rows)).reshape(-1, width)
 
 
 def reasons_against(

@@ -14,6 +14,7 @@ from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Bool
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.releases import PriorConfig, published_prior
 from contact_curation.design.throw import ThrowKind
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
@@ -25,7 +26,7 @@ from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.design_parameters import declared_design, declared_loop, declared_thrower
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
-from contact_curation.nodes.ros.parameters import declare
+from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
@@ -55,7 +56,7 @@ class ThrowDesigner(StageNode):
     def __init__(self) -> None:
         super().__init__("throw_designer")
         self._body = declared_body(self)
-        config = declared_design(self)
+        config, prior = declared_design(self), published_prior(declare_config(self, PriorConfig(), "prior."))
         parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: none yet")
         store = Path(declare(self, "store", "throws.sqlite", "file that stores throws, theta and gains"))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame that throws are given in")
@@ -70,7 +71,7 @@ class ThrowDesigner(StageNode):
             geometry = polytope_of(theta)
         self._states = StateStore(store)
         self._states.claim()
-        self._stage = DesignStage(self._body, config, self._states, geometry, feasible=declared_thrower(self, self._body))
+        self._stage = DesignStage(self._body, config, self._states, geometry, prior, declared_thrower(self, self._body))
         self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop = ThrowLoop(self._stage, loop, self._now)

@@ -107,6 +107,25 @@ def test_weighted_sums_are_those_of_a_plain_loop_over_transitions(data: Transiti
         np.testing.assert_allclose(score_sums[toss], own @ each.score_sums[first:last], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("estimator", list(Estimator))
+def test_transitions_of_one_weight_are_summed_before_they_are_weighted_bit_for_bit(
+    data: Transitions, estimator: Estimator
+) -> None:
+    weights = np.exp2(-0.5 * np.random.default_rng(2).integers(0, 5, len(data.dt)))
+    fishers, score_sums, *_ = sums(a_theta(None), data, estimator, weights)
+    for toss, (first, last) in enumerate(zip(data.starts[:-1], data.starts[1:], strict=True)):
+        order = first + np.argsort(weights[first:last], kind="stable")
+        by_weight, edges = np.unique(weights[order], return_index=True)
+        rows = data.before[order], data.after[order], data.dt[order]
+        runs = fisher_sums(a_theta(None), BODY, *rows, [*edges, last - first], estimator, config=LOSS)
+        in_fishers = by_weight if estimator is Estimator.GAUSS_NEWTON else by_weight**2
+        fisher, score_sum = np.zeros_like(fishers[toss]), np.zeros_like(score_sums[toss])
+        for run, weight in enumerate(by_weight):
+            fisher += in_fishers[run] * runs.fishers[run]
+            score_sum += weight * runs.score_sums[run]
+        assert (fishers[toss].tobytes(), score_sums[toss].tobytes()) == (fisher.tobytes(), score_sum.tobytes())
+
+
 def test_weights_of_one_give_the_same_bytes_as_none_and_bad_ones_are_refused(data: Transitions) -> None:
     with_ones, without = (sums(a_theta(None), data, Estimator.GAUSS_NEWTON, w) for w in (np.ones(len(data.dt)), None))
     for one, other in zip(with_ones, without, strict=True):

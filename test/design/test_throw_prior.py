@@ -6,9 +6,11 @@ import pytest
 from contact_curation.design.releases import (
     PUBLISHED_PRIOR,
     Placement,
+    PriorConfig,
     Releases,
     ThrowPrior,
     fitted_prior,
+    published_prior,
     published_releases,
     raw_prior,
 )
@@ -68,3 +70,16 @@ def test_the_same_seed_draws_the_same() -> None:
 def test_too_few_releases_make_no_prior() -> None:
     with pytest.raises(InvalidValueError, match=r"releases to fit a prior to: found shape \(7, 13\)"):
         fitted_prior(releases(7))
+
+
+def test_a_slower_prior_draws_the_same_throws_at_a_share_of_their_speeds_and_spins() -> None:
+    slower = published_prior(PriorConfig(speed=0.6, spin=0.3))
+    published, drawn = (prior.draw(50, np.random.default_rng(0)).motion for prior in (PUBLISHED_PRIOR, slower))
+    np.testing.assert_allclose(drawn, published * [1.0, 0.6, 0.6, 0.3, 0.3, 0.3], rtol=1e-9, atol=1e-12)
+    assert published_prior(PriorConfig()).covariance.tobytes() == PUBLISHED_PRIOR.covariance.tobytes()
+
+
+@pytest.mark.parametrize("share", [0.0, -1.0, float("nan")])
+def test_a_share_of_speeds_that_is_none_is_refused(share: float) -> None:
+    with pytest.raises(InvalidValueError, match=r"prior\.speed"):
+        PriorConfig(speed=share)

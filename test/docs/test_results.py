@@ -368,3 +368,51 @@ def test_the_frictions_of_the_rules_page_are_medians_of_the_stored_rows() -> Non
         for size, cell in zip((head.split()[-1] for head in heads[1:]), cells, strict=True):
             own = [row for row in rows("criteria_at_fit") if (row["rule"], row["size"]) == (name.split(",")[0], size)]
             assert float(np.median([float(row["friction"]) for row in own])) == pytest.approx(float(cell), abs=0.00051), name
+
+
+AGAINST = (
+    "ours_position",
+    "ours_rotation",
+    "mujoco_position",
+    "mujoco_rotation",
+    "vertices",
+    "friction",
+    "fit_seconds",
+    "memory",
+)
+HELD = ("shape_held", "shape_half_width", "friction_held", "friction_half_width")
+
+
+def test_the_tables_against_system_identification_are_those_of_their_rows() -> None:
+    found, text, counted = rows("against_sysid"), section("Against system identification with MuJoCo") + "\n", 0
+    seeds = {row["seed"] for row in found}
+    assert f"{len(seeds)} seed" in text
+    for body, table in re.findall(r"^`(\w+)`[^|`]*:\n\n(\| tosses \| fitter \|.*?)\n\n", text, re.DOTALL | re.MULTILINE):
+        heads, _, *lines = table.splitlines()
+        measures, middle = (HELD, np.mean) if "held" in heads else (AGAINST, np.median)
+        for line in lines:
+            size, rule, *numbers = (cell.strip() for cell in line.strip("|").split("|"))
+            own = [row for row in found if (row["body"], row["size"], row["rule"]) == (body, size, rule) and not row["failed"]]
+            for name, number in zip(measures, numbers, strict=True):
+                digits = len(number.partition(".")[2])
+                value = float(middle([float(row[name]) for row in own]))
+                assert value == pytest.approx(float(number), abs=0.51 * 10.0**-digits), (line, name)
+                counted += 1
+    assert counted >= 80
+
+
+def test_the_differences_to_system_identification_are_those_of_the_stored_table() -> None:
+    names = ("body", "rule", "minus", "measure")
+    found = {(float(row["size"]), *(row[name] for name in names)): row for row in rows("against_sysid_differences")}
+    text, counted = section("Against system identification with MuJoCo") + "\n", 0
+    for table in re.findall(r"^\| body \| tosses \| less \|.*?\n\n", text, re.DOTALL | re.MULTILINE):
+        for line in table.strip().splitlines()[2:]:
+            body, size, pair, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+            rule, minus = pair.split(" less ")
+            for measure, cell in zip(AGAINST, cells, strict=False):
+                row = found[float(size), body, rule, minus, measure]
+                said = [float(number) for number in re.findall(r"[+-]?[0-9.]+", cell)]
+                numbers = [float(row[name]) for name in ("difference", "low", "high")]
+                assert said == pytest.approx(numbers[: len(said)], abs=0.051), (line, measure)
+                counted += 1
+    assert counted >= 16

@@ -9,7 +9,8 @@ import pytest
 from contact_curation.experiments import bodies
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.comparison.baselines import matched, medoids
-from contact_curation.experiments.comparison.intervals import MEASURES, differences, nested_interval
+from contact_curation.experiments.comparison.intervals import differences, nested_interval
+from contact_curation.experiments.engines import MEASURES
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from test.cli.commands import Cli
 

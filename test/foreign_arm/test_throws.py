@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from contact_curation.design.throw import Throw
-from contact_curation.geometry.quaternions import IDENTITY
-from test.foreign_arm.arms import FILES
+from test.foreign_arm.arms import FILES, throw
 from test.foreign_arm.throwing import FAULTS, Lab
 
 pytestmark = pytest.mark.slow
@@ -13,12 +11,6 @@ pytestmark = pytest.mark.slow
 THROWS = 6
 WITHIN = 0.05
 """Error of the release speed: each joint is off by 1 % of its own, and joints that move against each other add up."""
-
-
-def throw(number: int) -> Throw:
-    velocity = np.array([0.5 + 0.04 * number, 0.0, 0.1])
-    place, spin = np.array([-0.3, 0.02 * number, 0.17]), np.array([0.0, 0.8, 0.0])
-    return Throw(f"throw-{number}", "cube", place, IDENTITY, velocity, spin)
 
 
 @pytest.fixture(scope="module", params=FILES)

@@ -1,5 +1,6 @@
 """Whatever a node was started with and has no use for is one line, with what to do."""
 
+import os
 import re
 import subprocess
 import sys
@@ -128,6 +129,31 @@ def test_without_rclpy_a_node_is_one_line_with_the_remedy(tmp_path: Path) -> Non
     assert done.stderr == (
         "curator: rclpy is missing: source a ROS 2 Jazzy workspace, or pip install 'contact-curation[ros]'\n"
     )
+
+
+@pytest.mark.parametrize(("level", "shown"), [("info", True), ("error", False)])
+def test_the_log_level_is_taken_from_the_command_line(level: str, shown: bool, tmp_path: Path) -> None:
+    status, said = started_curator(tmp_path, "--log-level", level)
+    assert status == 1
+    assert ("no body given" in said) is shown
+
+
+def test_a_log_level_that_there_is_not_is_one_line(tmp_path: Path) -> None:
+    status, said = started_curator(tmp_path, "--log-level", "loud")
+    assert status == 1
+    (line,) = (line for line in said.splitlines() if "[rcl]" not in line)
+    assert line.startswith("curator: failed to initialize rcl: Couldn't parse log level: '--log-level loud'")
+
+
+def started_curator(folder: Path, *words: str) -> tuple[int, str]:
+    """Exit status and error output of a curator whose store cannot be made."""
+    command = [sys.executable, "-m", "contact_curation.nodes.curator", "--ros-args", *words]
+    with free_domain() as domain:
+        done = subprocess.run(
+            [*command, "-p", f"store:={folder}/none/buffer.sqlite"], env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            stderr=subprocess.PIPE, text=True, check=False, timeout=120.0,
+        )  # fmt: skip
+    return done.returncode, done.stderr
 
 
 def test_what_launch_cannot_leave_empty_has_a_word() -> None:

@@ -90,3 +90,22 @@ def test_an_arm_that_arms_itself_does_so_at_its_first_activation_and_not_after_i
         assert node._gate.arming == 0
     with arm(SimArm, "armed:=true") as node:
         assert node._gate.arming == 1
+
+
+def test_an_arm_that_arms_itself_does_so_again_when_its_own_heartbeat_comes_back_and_never_after_a_stop() -> None:
+    with arm(SimArm, "armed:=true") as node:
+        gate = node._gate
+        gate.watch(node._awake.now() + 10.0)
+        assert gate.reason.startswith("no heartbeat for")
+        before = node._awake.now()
+        node._beat()
+        gate.watch(before)
+        assert gate.reason == ""
+        node._stop(None, Trigger.Response())
+        node._beat()
+        assert gate.reason == "the stop service was called"
+    with arm(SimArm, "armed:=true", "external_heartbeat:=true") as node:
+        node._beat()
+        node._gate.watch(node._awake.now() + 10.0)
+        node._beat()  # somebody else's heartbeat arms once only
+        assert node._gate.reason.startswith("no heartbeat for")

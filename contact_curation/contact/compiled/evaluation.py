@@ -103,6 +103,7 @@ def run(
     starts: NDArray[np.int64],
     estimator: int = 0,
     influence_bound: float = np.inf,
+    weights: Array | None = None,
     **outputs: np.ndarray[tuple[int, ...], np.dtype[np.float64]] | NDArray[np.int32],
 ) -> None:
     """Fills the outputs that are given.
@@ -113,6 +114,7 @@ def run(
         starts: (K + 1,) edges of the tosses, or of the pieces that threads take.
         estimator: of Fisher matrices, 1 empirical, 2 Gauss-Newton; 0 for no such matrices.
         influence_bound: as in `evaluation.fisher_sums`.
+        weights: (N,) likewise; successive transitions of a toss with the same weight are summed before they are weighted.
         outputs: contiguous arrays by the job's names.
     """
     model = CompiledModel(geometry, body, config)
@@ -131,5 +133,10 @@ def run(
     )
     addresses = ctypes.POINTER(CompiledModel), ctypes.POINTER(CompiledRows)
     bounce, name, number = bounce_of(geometry)
+    if weights is not None:
+        weighted = (*addresses, ctypes.c_void_p, ctypes.POINTER(ctypes.c_double))
+        evaluate = load_kernel().function("contact_curation_evaluate_weighted", ctypes.c_int, *weighted)
+        evaluate(ctypes.byref(model), ctypes.byref(job), weights.ctypes.data, *(bounce or [None]))
+        return
     evaluate = load_kernel().function(f"contact_curation_evaluate{name}", ctypes.c_int, *addresses, *number)
     evaluate(ctypes.byref(model), ctypes.byref(job), *bounce)

@@ -52,7 +52,7 @@ struct alignas(64) ContactRows {
 
 inline double dot6(const double *a, const double *b) {
   double sum = 0.0;
-  for (int k = 0; k < kTwist; ++k) sum += a[k] * b[k];
+  for (int k = 0; k < 6; ++k) sum += a[k] * b[k];
   return sum;
 }
 

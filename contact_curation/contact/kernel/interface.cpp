@@ -117,11 +117,12 @@ std::string world_structure() {
 
 std::string functions() {
   return FUNCTION(contact_curation_solve_cones) + FUNCTION(contact_curation_evaluate) +
-         FUNCTION(contact_curation_evaluate_bouncing) + FUNCTION(contact_curation_descend) +
-         FUNCTION(contact_curation_descend_deep) + FUNCTION(contact_curation_descend_deepvertex) +
-         FUNCTION(contact_curation_descend_end_to_end) + FUNCTION(contact_time_step) + FUNCTION(contact_time_step_bouncing) +
-         FUNCTION(contact_given_step) + FUNCTION(contact_rollout) + FUNCTION(contact_rollout_bouncing) +
-         FUNCTION(contact_curation_elementary) + FUNCTION(contact_curation_powers);
+         FUNCTION(contact_curation_evaluate_bouncing) + FUNCTION(contact_curation_evaluate_weighted) +
+         FUNCTION(contact_curation_descend) + FUNCTION(contact_curation_descend_deep) +
+         FUNCTION(contact_curation_descend_deepvertex) + FUNCTION(contact_curation_descend_end_to_end) +
+         FUNCTION(contact_time_step) + FUNCTION(contact_time_step_bouncing) + FUNCTION(contact_given_step) +
+         FUNCTION(contact_rollout) + FUNCTION(contact_rollout_bouncing) + FUNCTION(contact_curation_elementary) +
+         FUNCTION(contact_curation_powers);
 }
 
 }  // namespace

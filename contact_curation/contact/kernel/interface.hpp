@@ -25,6 +25,11 @@ int contact_curation_evaluate(const contact_curation::PolytopeModel *model, cons
 int contact_curation_evaluate_bouncing(const contact_curation::PolytopeModel *model, const contact_curation::Evaluation *job,
                                        const double *restitution);
 
+// The same with weights (N) of the squared residuals in the sums over tosses; the restitution may be null. Successive
+// transitions of a toss with one weight are summed before they are weighted.
+int contact_curation_evaluate_weighted(const contact_curation::PolytopeModel *model, const contact_curation::Evaluation *job,
+                                       const double *weights, const double *restitution);
+
 // Training. Each steps down the rows in turn. It returns how many were taken: it stops, and leaves everything as it was, before
 // the first row whose impulses carry no certificate or whose loss or slope is not finite. Networks have at most `kMaxLayers`
 // layers, none wider than `kMaxWidth`, and outputs for the model's contacts, at most `kMaxContacts`.

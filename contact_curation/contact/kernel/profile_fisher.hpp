@@ -35,9 +35,11 @@ class ProfileFisher {
     differentiate_slacks();
     differentiate_contacts();
     const int free = eliminate();
-    for (int k = 0; k < 6; ++k) add_outer(&velocity_rows_[k * stride_], weight * model_.match_weight, fisher, stride);
-    for (int k = 0; k < active_; ++k) add_outer(&slack_rows_[k * stride_], weight * model_.slack_weight, fisher, stride);
-    for (int k = 0; k < free; ++k) add_outer(&free_rows_[k * stride_], -weight, fisher, stride);
+    weighted_.clear();
+    for (int k = 0; k < 6; ++k) weighted_.push_back({&velocity_rows_[k * stride_], weight * model_.match_weight});
+    for (int k = 0; k < active_; ++k) weighted_.push_back({&slack_rows_[k * stride_], weight * model_.slack_weight});
+    for (int k = 0; k < free; ++k) weighted_.push_back({&free_rows_[k * stride_], -weight});
+    add_outers(weighted_, fisher, stride);
     for (int i = 0; i < contacts_; ++i) add_contact(i, weight, fisher, stride);
   }
 
@@ -378,14 +380,32 @@ class ProfileFisher {
   }
 
  public:
-  // fisher += weight * row row^T, lower triangle in whole vectors (entries right of the diagonal are scratch).
-  static void add_outer(const double *row, double weight, double *fisher, int stride) {
+  struct WeightedRow {
+    const double *row;
+    double weight;
+  };
+
+  // fisher += weight * row row^T, row after row; lower triangle in whole vectors (entries right of the diagonal are scratch).
+  // An entry stays in a register while all rows are added to it.
+  static void add_outers(const std::vector<WeightedRow> &rows, double *fisher, int stride) {
+    WeightedRow used[6 + 4 * kMaxContacts];
     for (int a = 0; a < stride; ++a) {
-      const double scaled = weight * row[a];
-      if (scaled == 0.0) continue;
+      int count = 0;
+      for (const WeightedRow &each : rows) {
+        const double scaled = each.weight * each.row[a];
+        if (scaled != 0.0) used[count++] = {each.row, scaled};
+      }
       double *into = fisher + static_cast<long>(a) * stride;
-      const int stop = (a / kLanes + 1) * kLanes;
-      for (int b = 0; b < stop; ++b) into[b] += scaled * row[b];
+      for (int b = 0; b <= a && count; b += kPack) {
+        Pack sum;
+        std::memcpy(&sum, into + b, sizeof sum);
+        for (int k = 0; k < count; ++k) {
+          Pack row;
+          std::memcpy(&row, used[k].row + b, sizeof row);
+          sum += used[k].weight * row;
+        }
+        std::memcpy(into + b, &sum, sizeof sum);
+      }
     }
   }
 
@@ -396,13 +416,15 @@ class ProfileFisher {
   int contacts_, parameters_, stride_, active_ = 0;
   double dt_, rotation_[3][3], rotation_next_[3][3], position_[3], position_next_[3];
   double normal_body_[3], normal_body_next_[3], tangents_body_[2][3], velocity_next_[6], moving_[6], free_[6];
-  double gap_[kMaxContacts], gap_next_[kMaxContacts], depth_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts], slip_[kMaxContacts][2];
+  double gap_[kMaxContacts], gap_next_[kMaxContacts], depth_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts],
+      slip_[kMaxContacts][2];
   double impulse_[kMaxContacts][3], gradient_[kMaxContacts][3], motion_[kMaxContacts][3][6];
   double slack_row_[kMaxContacts][6], block_[kMaxContacts][6];
   double moved_[3 * kMaxContacts][6], gram_[3 * kMaxContacts][3 * kMaxContacts];
   int active_index_[kMaxContacts];
   Sparse gap_rows_[kMaxContacts], cone_rows_[kMaxContacts][2];
   std::vector<double> velocity_rows_, pulled_, slack_rows_, free_rows_;
+  std::vector<WeightedRow> weighted_;
 };
 
 }  // namespace contact_curation

@@ -4,8 +4,7 @@ A seed draws the third of the tosses that judges, and theta_0; both are the same
 theta_0 and at what was learned from its last two sets, as in `cell_run`; those that do not depend on theta once. Or all rules
 select once, at the fit to all training tosses, where information is as right as it can be, and all fits start there: then rules
 differ by their sets alone, not by where a descent ends. The model is a polytope with one set of vertices and learned noise of
-impacts, fitted to the optimum. MuJoCo predicts with the convex hull of the learned vertices and the learned friction, without a
-restitution.
+impacts, fitted to the optimum.
 """
 
 from collections.abc import Sequence
@@ -22,19 +21,17 @@ from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
 from contact_curation.experiments.comparison.datamodel import Datamodel, datamodel_of
 from contact_curation.experiments.counterfactuals.refitted import origin_of
+from contact_curation.experiments.engines import judged_by_engines
 from contact_curation.experiments.rules import RULES, Rule
-from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import moved_by_theta, rank_particles
 from contact_curation.information.record import TossInformation
-from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors
-from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.fits.refits import RefitConfig, RefitPool
 from contact_curation.learning.training.curated import selected_transitions, toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of, transitions_of
+from contact_curation.motion.transitions import transitions_of
 
 COUNTERFACTUAL = "counterfactual"
 """See `datamodel`; it is always made at the fit to all training tosses."""
@@ -42,7 +39,6 @@ COUNTERFACTUAL = "counterfactual"
 ONCE = ("strata", "k-medoids")
 """Baselines that do not depend on theta."""
 
-JUDGES = ("ours", "mujoco")
 ALL = "all"
 
 
@@ -105,14 +101,7 @@ def compared_row(cell: Compared) -> Row:
     start, origin = _start(cell.body, cell.seed, cell.at_fit), _origin(cell.body, cell.seed) if cell.at_fit else None
     chosen = _selected(cell, bench, start)
     model = _fitted(start, origin, bench, chosen)
-    shape = shape_errors(model)
-    assert shape is not None  # of a polytope
-    ours = predicted_motions(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors
-    row: Row = {"vertices": shape.vertex_rms_mm, "friction": shape.friction, "selected": " ".join(chosen)}
-    for judge, errors in zip(JUDGES, (ours, _in_mujoco(model, shape.friction, bench)), strict=True):
-        for name in ("position", "rotation"):
-            row[f"{judge}_{name}"] = " ".join(f"{value:.5g}" for value in getattr(errors, name))
-    return row
+    return {**judged_by_engines(model, bench), "selected": " ".join(chosen)}
 
 
 def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
@@ -169,21 +158,3 @@ def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:
 def _fitted(model: PolytopeModel, origin: PolytopeModel | None, bench: Bench, chosen: Weights) -> PolytopeModel:
     data = selected_transitions(bench.training, tuple(chosen), bench.body.length_scale)
     return fit_held(model, data, FIT, origin, [chosen[name] for name in data.toss_ids]).model
-
-
-def _in_mujoco(model: PolytopeModel, friction: float, bench: Bench) -> MotionErrors:
-    """The errors of MuJoCo's motions of the hull of the learned vertices."""
-    from contact_curation.simulation.world import free_motion  # MuJoCo takes a second to import
-
-    scale = bench.body.length_scale
-    body = replace(bench.body, vertices=scale * model.geometry().vertices_normal, friction=friction)
-    measured = [states_of(toss, 1.0) for toss in bench.held_out]
-    moved = [free_motion(body, each[0], len(each), toss.frame_period) for each, toss in zip(measured, bench.held_out)]
-    starts = np.concatenate([[0], np.cumsum([len(each) for each in measured])])
-    predicted, seen = (np.concatenate(states) / _units(scale) for states in (moved, measured))
-    return motion_errors(predicted, seen, starts, bench.body)
-
-
-def _units(scale: float) -> Array:
-    """(13,) what states in SI units are divided by to be in characteristic lengths."""
-    return np.array([scale] * 3 + [1.0] * 4 + [scale] * 3 + [1.0] * 3)

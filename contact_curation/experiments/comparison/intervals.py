@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.comparison.compared import JUDGES
+from contact_curation.experiments.engines import MEASURES
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
 
@@ -23,10 +23,8 @@ LEAST_SEEDS = 10
 AGAINST = ("random", "longest", "representative")
 """Rules that each rule is compared with."""
 
-MEASURES = tuple(f"{judge}_{name}" for judge in JUDGES for name in ("position", "rotation"))
 
-
-def differences(rows: Sequence[Row], config: BootstrapConfig) -> list[Row]:
+def differences(rows: Sequence[Row], config: BootstrapConfig, against: Sequence[str] = AGAINST) -> list[Row]:
     """A row for each body, size, measure, rule and rule that it is compared with."""
     cells: defaultdict[tuple[str, float, str], dict[float, Row]] = defaultdict(dict)
     for row in rows:
@@ -36,7 +34,7 @@ def differences(rows: Sequence[Row], config: BootstrapConfig) -> list[Row]:
         for measure in MEASURES:
             mean = float(np.mean([np.nanmean(_values(row, measure)) for row in own.values()]))
             head: Row = {"body": body, "size": size, "measure": measure, "rule": rule, "mean": mean}
-            for other in AGAINST:
+            for other in against:
                 others = cells.get((body, size, other), {})
                 if other != rule and others.keys() & own.keys():
                     found.append({**head, "minus": other, **_difference(own, others, measure, config)})

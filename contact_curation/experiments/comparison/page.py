@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.comparison.compared import JUDGES
+from contact_curation.experiments.engines import JUDGES
 from contact_curation.experiments.tables import markdown_of
 
 COLUMNS = {"position": "position %", "rotation": "rotation °"}

@@ -6,6 +6,7 @@ import numpy as np
 from contact_curation_msgs.msg import Toss as TossMessage
 from contact_curation_msgs.msg import TossRejected
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from numpy.typing import NDArray
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
@@ -97,7 +98,7 @@ def _vectors(rows: Array) -> list[Vector3]:
     return [Vector3(x=x, y=y, z=z) for x, y, z in rows.tolist()]
 
 
-def _arrays(message: Any) -> tuple[Array, ...]:
+def _arrays(message: Any) -> tuple[NDArray[Any], ...]:
     """Stamps (T, 2), poses (T, 7) in xyzw, linear and angular velocities (T, 3) of a message."""
     if isinstance(message, TossArrays):
         return message.stamps, message.poses, message.linear_velocities, message.body_angular_velocities

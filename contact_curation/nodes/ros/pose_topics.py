@@ -131,6 +131,8 @@ class PoseTopics:
             self._newest = self._past(self._found(source.body.name))
             self._newest_pose_ns = self._newest.get(source.body.name, 0)
             self._config = replace(self._config, topic=source.body.name)
+        elif not self._subscriptions:  # after `leave`: the clock may have been set back meanwhile
+            self._newest = self._past(self._newest)
         self.source = source
         rig = [one.name for one in self._rig if one.name in self.source.topics and one.name != self.source.body.name]
         self._follow_topics(rig)

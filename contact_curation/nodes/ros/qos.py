@@ -1,5 +1,7 @@
 """The quality of service (QoS) of the graph's topics."""
 
+import re
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
@@ -13,6 +15,9 @@ from contact_curation.storage.bags.records import OfferedQos
 
 AS_OFFERED = QoSOverridingOptions([])
 """Overrides of subscriptions that follow their publishers: none, because no parameter may change them."""
+
+OF_RCLPY = re.compile(r"Provided QoS overrides for (\w+) `(\S+)` .*: (.+)")
+"""rclpy's words for an override that was refused."""
 
 RESULTS_DEPTH = 256
 """Number of results that a late subscriber receives from the topic; services give all of them."""
@@ -55,12 +60,14 @@ def overrides_checked() -> Iterator[None]:
         InvalidValueError: an override has an invalid value.
     """
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "A zero depth", UserWarning)  # from rclpy, before the depth is judged
+            yield
     except RCLError:
         raise
     except (InvalidQosOverridesError, RuntimeError) as error:
         accepted = "history keep_last or keep_all, depth 1 or more, reliability reliable or best_effort"
-        raise InvalidValueError("qos_overrides", str(error), accepted) from error
+        raise InvalidValueError("qos_overrides", OF_RCLPY.sub(r"\3 of \1 \2", str(error)), accepted) from error
 
 
 def _judged(qos: QoSProfile) -> SetParametersResult:

@@ -24,6 +24,9 @@ HAND_EVERY = 4
 SWING, MOVING = 0.6, 0.4
 """Shares of the smallest acceleration limit in sudden ramps and between postures."""
 
+SINKING = 0.4
+"""Largest downward acceleration of the held body before the swing, of gravity: trackers may be noisy."""
+
 OPENING = 0.06
 """Rate at which arm and released body must part [m/s]: the arm goes on steadily after the release."""
 
@@ -63,7 +66,8 @@ def described_planner(
     arm = DescribedArm(config)
     least = float(arm.limits.acceleration.min())
     ramp = RampConfig(acceleration=SWING * least, moving_acceleration=MOVING * least)
-    return ArmPlanner(body, arm, SteadySwing(arm.limits, steady), ramp, search, DepartureConfig(opening=OPENING))
+    departure = DepartureConfig(opening=OPENING)
+    return ArmPlanner(body, arm, SteadySwing(arm.limits, steady), ramp, search, departure, SINKING * body.gravity)
 
 
 def way_home(planner: ArmPlanner, posture: Array) -> JointPath | str:

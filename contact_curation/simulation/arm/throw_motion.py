@@ -131,12 +131,14 @@ class ArmPlanner:
         ramp: how the joints move between postures.
         search: size of the search for postures.
         departure: required distance between arm and released body.
+        sinking: largest downward acceleration of the held body on its way to the wind-up [m/s^2]: a tracker's toss begins where
+            the body falls freely.
     """
 
     def __init__(self, body: Body, arm: ThrowingArm, swing: Swing, ramp: RampConfig, search: SearchConfig,
-                 departure: DepartureConfig) -> None:  # fmt: skip
+                 departure: DepartureConfig, sinking: float = np.inf) -> None:  # fmt: skip
         self.body, self.arm, self.grasps = body, arm, grasps_of(body)
-        self._swing, self._ramp = swing, ramp
+        self._swing, self._ramp, self._sinking = swing, ramp, sinking
         self._holding, self._empty = arm.planning_model(body), arm.planning_model(None)
         self._holding_data, self._empty_data = mujoco.MjData(self._holding), mujoco.MjData(self._empty)
         self._postures = PostureSearch(arm.planning_model(body), arm, swing.way, search)
@@ -203,7 +205,7 @@ class ArmPlanner:
         grip = self._grip(throw, candidate)
         put_into_gripper(self._holding, grip.position, grip.orientation_wxyz)
         swing, stopping = self._swing.paths(self._holding, self._holding_data, candidate)
-        approach = self._moving(self.arm.home_posture, swing.positions[0])
+        approach = self._carrying(self.arm.home_posture, swing.positions[0])
         returning = self._moving(stopping.positions[-1], self.arm.home_posture)
         refused = (
             self._within(JointPath.joined(approach, swing, stopping, returning))
@@ -219,10 +221,26 @@ class ArmPlanner:
         )
         return refused or ThrowMotion(throw, candidate, grip, approach, swing, stopping, returning)
 
-    def _moving(self, start: Array, end: Array) -> JointPath:
+    def _carrying(self, start: Array, end: Array) -> JointPath:
+        """Path between two postures with the body in the gripper, so slow that it does not sink like one that falls."""
+        path = self._moving(start, end)
+        slower = float(np.sqrt(self._sinks(path) / self._sinking))
+        return path if slower <= 1.0 else self._moving(start, end, slower)
+
+    def _sinks(self, path: JointPath) -> float:
+        """Largest downward acceleration of the held body [m/s^2]."""
+        heights = np.empty(len(path.positions[::CHECKED_EVERY]))
+        for row, posture in enumerate(path.positions[::CHECKED_EVERY]):
+            self._holding_data.qpos[:] = posture
+            mujoco.mj_kinematics(self._holding, self._holding_data)
+            heights[row] = self._holding_data.body(HELD).xpos[2]
+        return float(-np.diff(heights, 2).min(initial=0.0)) / (CHECKED_EVERY * STEP) ** 2
+
+    def _moving(self, start: Array, end: Array, slower: float = 1.0) -> JointPath:
         """Path between two postures; slower near the ends of a joint's range, where speed limits are lower."""
+        least = self._ramp.moving_acceleration / slower**2
         for share in (1.0, 0.5, 0.25):
-            ramp = replace(self._ramp, moving=share * self._ramp.moving)
+            ramp = replace(self._ramp, moving=share * self._ramp.moving / slower, moving_acceleration=least)
             path = moving(start, end, self.arm.limits.speed, STEP, ramp)
             if self._within(path) is None:
                 break

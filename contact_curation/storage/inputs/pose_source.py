@@ -23,7 +23,9 @@ from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIO
 from contact_curation.storage.tag_map_file import read_tag_rig
 
 TF_STATIC_NAME = "tf_static"
-TRUTH_NAME = "ground_truth"
+NOT_TRACKED = ("ground_truth", "grip")
+"""Last names of topics with poses that no tracker measured: of a simulation, and of the grip that a throw wants."""
+
 BODY_PREFIX = "body_"
 """Prefix of TagSLAM's topic names for bodies; its frames have the body's name alone."""
 
@@ -188,7 +190,7 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     """Chooses the topics with a body's poses.
 
     The body's topic is the configured one; else the one named after the body (TagSLAM's `.../body_<name>`); else the only one
-    of the first type of `POSE_MESSAGES` that exists; else TF. The true poses of a simulation are only used if they are named.
+    of the first type of `POSE_MESSAGES` that exists; else TF. Poses that no tracker measured are only used if they are named.
     The board has a topic if one is named after its frame. If nothing can lead to the board, the poses count as given on it,
     which the reader reports (`BagTosses.left_out`).
 
@@ -257,7 +259,9 @@ def _named(topics: Collection[TypedTopic], name: str) -> TypedTopic | None:
 
 
 def _fitting(topics: Collection[TypedTopic], board: TypedTopic | None, names: set[str]) -> TypedTopic | None:
-    candidates = [one for one in topics if one.type in POSE_MESSAGES and one != board and _last_part(one.name) != TRUTH_NAME]
+    candidates = [
+        one for one in topics if one.type in POSE_MESSAGES and one != board and _last_part(one.name) not in NOT_TRACKED
+    ]
     tiers: Sequence[list[TypedTopic]] = (
         [one for one in candidates if _last_part(one.name) in names],
         *([one for one in candidates if one.type == kind] for kind in POSE_MESSAGES),

@@ -1,15 +1,13 @@
 """An arm by its description alone, behind a trajectory controller: throws as tracked, and faults that end safely."""
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from contact_curation.design.throw import Throw
-from contact_curation.geometry.quaternions import IDENTITY
 from contact_curation.stages.records import GripperRecord, read_record
+from test.foreign_arm.arms import throw
+from test.graph.parts.described_arm import ready, started
 from test.graph.parts.graph import Graph
 from test.graph.parts.lifecycle import changed
 from test.graph.parts.processes import NodeProcess
@@ -17,13 +15,10 @@ from test.graph.parts.thrower import STILL, Thrower, speeds
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
-UR5E = Path(__file__).resolve().parents[2] / "foreign_arm" / "ur5e.yaml"
 FASTEST = np.pi
 """Of each joint of a UR5e [rad/s]."""
 
 THROWS = 4
-PATIENT: dict[str, Any] = {"trajectory.oldest_state": 0.4, "trajectory.oldest_signal": 1.0, "gate.heartbeat_timeout": 0.5}
-"""For a busy machine; a lab's own bounds are shorter."""
 
 FAULTS = {
     "slider": "speed scaling: found 80 %, expected 100 %",
@@ -34,24 +29,14 @@ MOVING = 0.5
 """[rad/s]"""
 
 
-def throw(number: int) -> Throw:
-    speed = 0.5 + 0.04 * number
-    return Throw(
-        f"throw-{number}", "cube", np.array([-0.3, 0.02 * number, 0.17]), IDENTITY, np.array([speed, 0.0, 0.1]),
-        np.array([0.0, 0.8, 0.0]),
-    )  # fmt: skip
-
-
 @pytest.fixture
 def node(graph: Graph) -> NodeProcess:
-    graph.start("test.graph.parts.foreign_controller", arm=UR5E)
-    return graph.start("trajectory_thrower", use_sim_time=True, arm=UR5E, state=graph.folder / "gripper.json", **PATIENT)
+    return started(graph)
 
 
 @pytest.fixture
 def thrower(graph: Graph, node: NodeProcess) -> Iterator[Thrower]:
-    made = Thrower(graph, "trajectory_thrower")
-    graph.until(lambda: made.trigger("check").startswith("nothing is missing"), 90.0, "an arm with all that it needs")
+    made = ready(graph)
     yield made
     made.close()
 

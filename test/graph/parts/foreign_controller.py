@@ -132,7 +132,7 @@ class Controller(Node):
         if steps % JOINTS_EVERY == 0 and cell.fault != "silent":
             joints = JointState(name=cell.names, position=cell.joints.tolist(), velocity=cell.joint_speeds.tolist())
             self._joints.publish(self._stamped(joints))
-        if steps % POSES_EVERY == 0:
+        if steps % POSES_EVERY == 0 and cell.fault != "unseen":
             self._poses.publish(self._pose())
         if steps % STATE_EVERY == 0:
             self._scaling.publish(Float64(data=100.0 * cell.speed))

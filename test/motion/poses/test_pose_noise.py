@@ -10,6 +10,7 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.body_tracker import BodyPose
 from contact_curation.motion.pose_noise import KEPT, MOST, RIG, RIG_NOISE, RIG_TURN, SPAN_NS, PoseNoise, TrackerScale
+from contact_curation.motion.pose_stream import PoseRun
 from test.motion.streams import stream, yawed
 
 PERIOD_NS = 10**9 // 148
@@ -128,6 +129,25 @@ def test_what_is_written_down_goes_on_with_the_same_digits() -> None:
     assert after.scale == before.scale
     for first in range(300, len(poses), 50):
         assert follow(poses[first : first + 50], before).multiple == follow(poses[first : first + 50], after).multiple
+
+
+@pytest.mark.parametrize("length", [1, 40, 333, 10_000])
+def test_poses_in_runs_leave_the_same_state_and_a_run_ends_where_the_scale_changes(length: int) -> None:
+    quiet, gap, loud = noisy(carried(3.0), 1.0), 10 * SPAN_NS, noisy(carried(20.0), 2.9)
+    poses = quiet + [BodyPose(one.stamp_ns + gap, one.pose) for one in loud]
+    singly, in_runs, changes, at = PoseNoise(), PoseNoise(), 0, 0
+    while at < len(poses):
+        part = poses[at : at + length]
+        before, stamps = in_runs.scale, np.array([one.stamp_ns for one in part])
+        places, turns = (np.array([getattr(one.pose, name) for one in part]) for name in ("position", "orientation_wxyz"))
+        taken = in_runs.push_run(PoseRun(stamps, places, turns))
+        follow(part[: taken - 1], singly)
+        assert singly.scale == before
+        follow(part[taken - 1 : taken], singly)
+        assert singly.snapshot() == in_runs.snapshot()
+        assert taken == len(part) or in_runs.scale != before
+        changes, at = changes + (in_runs.scale != before), at + taken
+    assert changes == 1
 
 
 def test_rounded_poses_scatter_by_what_is_rounded_and_poses_told_twice_are_no_rest() -> None:

@@ -17,7 +17,7 @@ from contact_curation.simulation.arm.planned_throw import PlannedThrow, planned_
 from contact_curation.simulation.arm.postures import least_speeds
 from contact_curation.simulation.arm.safety import path_out_of_limits
 from contact_curation.simulation.arm.throw_motion import STEP, ArmPlanner, Refused, ThrowMotion
-from test.foreign_arm.arms import ARMS, UR5E, XARM7
+from test.foreign_arm.arms import ARMS, UR5E, XARM7, throw
 from test.foreign_arm.planning import STEADY, body_along, planner_of
 
 SLOW = Throw("slow", "cube", np.array([-0.3, 0.0, 0.17]), IDENTITY, np.array([0.6, 0.0, 0.1]), np.array([0.0, 1.0, 0.0]))
@@ -90,6 +90,16 @@ def test_the_body_goes_steadily_around_the_release(planner: ArmPlanner, motion: 
     change = turns[rows + 1] @ turns[rows - 1].transpose(0, 2, 1)
     spins = np.stack([change[:, 2, 1], change[:, 0, 2], change[:, 1, 0]], axis=1) / (2.0 * STEP)
     np.testing.assert_allclose(spins, np.tile(SLOW.angular_velocity, (len(rows), 1)), atol=5e-3)
+
+
+def test_the_body_is_never_carried_like_one_that_falls(planner: ArmPlanner) -> None:
+    every = 7
+    for number in range(4):
+        motion = planner.plan(throw(number))
+        assert isinstance(motion, ThrowMotion), str(motion)
+        path = JointPath.joined(motion.approach, motion.swing).thinned(every)
+        heights = body_along(planner, motion, path)[0][:-1, 2]
+        assert np.diff(heights, 2).min() / (every * STEP) ** 2 > -0.5 * planner.body.gravity
 
 
 def test_positions_speeds_and_accelerations_of_a_motion_belong_together(motion: ThrowMotion) -> None:

@@ -409,13 +409,14 @@ def test_a_topic_can_be_named_where_several_would_do(tmp_path: Path) -> None:
     assert summary.topic == "/b"
 
 
-def test_what_a_simulation_knows_of_the_truth_is_taken_only_by_its_name() -> None:
-    truth = TypedTopic("/ground_truth", ODOMETRY)
+@pytest.mark.parametrize("name", ["/ground_truth", "/trajectory_thrower/grip"])
+def test_poses_that_no_tracker_measured_are_taken_only_by_their_name(name: str) -> None:
+    unmeasured = TypedTopic(name, ODOMETRY)
     with pytest.raises(MissingTopicError):
-        find_pose_source("a", [truth], "cube", PoseTopicConfig())
+        find_pose_source("a", [unmeasured], "cube", PoseTopicConfig())
     other = TypedTopic("/my_tracker/pose", ODOMETRY)
-    assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig()).body == other
-    assert find_pose_source("a", [truth, other], "cube", PoseTopicConfig(topic="ground_truth")).body == truth
+    assert find_pose_source("a", [unmeasured, other], "cube", PoseTopicConfig()).body == other
+    assert find_pose_source("a", [unmeasured, other], "cube", PoseTopicConfig(topic=name)).body == unmeasured
 
 
 def test_poses_noisier_than_was_told_are_a_line_and_with_what_it_says_their_tosses_are_found(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses, unpack, unpack_some
 from contact_curation.storage.bags.records import Channel, StoredMessage
@@ -165,7 +166,7 @@ class ChunkedStorage:
 
     def _overflow(self, held: list[StoredMessage]) -> int:
         """How many messages to yield to stay within the memory bound, although a later chunk may contain earlier ones."""
-        if sum(len(message.data) for message in held) <= self._limits.reorder_bytes:
+        if sum(map(len, map(_data, held))) <= self._limits.reorder_bytes:
             return 0
         line = f"log times of chunks overlap by more than {self._limits.reorder_bytes} bytes: messages may come out of order"
         self._losses.say((self.name, "order"), f"{self.name}: {line}")
@@ -189,5 +190,4 @@ def chunk_data(file: BagFile, chunk: Chunk, limits: BagLimits) -> bytes:
     return data
 
 
-def _log_time(message: StoredMessage) -> int:
-    return message.log_time_ns
+_log_time, _data = attrgetter("log_time_ns"), attrgetter("data")  # of each message: lambdas would take three times as long
