@@ -21,11 +21,8 @@ from contact_curation.pipeline.wording import counted
 from contact_curation.pipeline.workers import Advance, each, unheard
 from contact_curation.version import __version__
 
-type Table = Sequence[Row] | str
-"""Rows of a CSV file, or a page."""
-
-type Tables = Callable[[list[Row]], Mapping[str, Table]]
-"""From an experiment's rows to the tables that it writes, by the names of their files."""
+type Tables = Callable[[list[Row]], Mapping[str, Sequence[Row] | str]]
+"""From an experiment's rows to the tables and pages that it writes, by the names of their files."""
 
 
 class _Done(NamedTuple):

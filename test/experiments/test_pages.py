@@ -1,9 +1,9 @@
 """The Markdown tables of experiments over bodies have the numbers of their rows."""
 
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.comparison.intervals import MEASURES
 from contact_curation.experiments.comparison.page import pages_of
 from contact_curation.experiments.counterfactuals.page import page_of
+from contact_curation.experiments.engines import MEASURES
 
 
 def test_a_table_of_rules_has_means_and_marks_what_is_certain() -> None:

@@ -281,7 +281,7 @@ def test_what_is_doubted_while_a_question_is_under_way_is_asked_again() -> None:
     server.heard(server.stored[0])
     server.alive = True
     assert answer is not None
-    answer._response = SimpleNamespace(items=server.stored[3:], last_sequence=4)  # type: ignore[attr-defined]
+    answer._response = SimpleNamespace(items=server.stored[3:], last_sequence=4)
     following_it._answered(answer)
     hand.work()
     assert taken == [*expected(1, 3), *expected(1, 4, "new")]

@@ -89,7 +89,7 @@ def test_other_callbacks_run_while_a_manifest_waits_for_the_worker(tmp_path: Pat
     with curator(tmp_path) as node:
         executor, go_on = SingleThreadedExecutor(), threading.Event()
         executor.add_node(node)
-        node._worker.do(go_on.wait)
+        node._worker.do(lambda: go_on.wait() and None)
         asked = executor.create_task(node._asked_to_save, SaveBuffer.Request(path="kept.csv"), SaveBuffer.Response())
         for _ in range(5):  # nothing in it waits for the worker
             executor.spin_once(timeout_sec=0.0)

@@ -3,8 +3,8 @@
 //
 //   phi_i = n . (R p_i + x - pivot) - height      J_n,i = [n, p_i x R^T n]      J_t,i,a = [T_a, p^t_i x R^T T_a]
 //
-// A body that bounces is where a mirror in the ground shows it: the depth d_i = min(0, c_i - min(0, phi_i)) that a contact would
-// gain without any impulse, c_i = phi_i + dt J_n,i v_f, is given back e times, so that e d_i is added to phi'_i and c_i
+// A body that bounces is where a mirror in the ground shows it: the depth d_i = min(0, c_i - min(0, phi_i)) that a contact
+// would gain without any impulse, c_i = phi_i + dt J_n,i v_f, is given back e times, so that e d_i is added to phi'_i and c_i
 // (method.md 1.2).
 #pragma once
 

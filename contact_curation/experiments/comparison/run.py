@@ -1,5 +1,7 @@
 """`reproduce criteria`: the family of rules on several bodies, a line of a file per training; then a table of differences."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from contact_curation.cli.options.types import Arguments
@@ -10,7 +12,7 @@ from contact_curation.experiments.comparison.compared import COUNTERFACTUAL, Com
 from contact_curation.experiments.comparison.intervals import AGAINST, differences
 from contact_curation.experiments.comparison.page import pages_of
 from contact_curation.experiments.engines import MEASURES
-from contact_curation.experiments.over_bodies import Table, run_over_bodies
+from contact_curation.experiments.over_bodies import run_over_bodies
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
 SIZES, SEEDS = (4, 8, 16, 32), 10
@@ -36,14 +38,10 @@ def _cells(arguments: Arguments) -> list[Compared]:
     ]
 
 
-def _tables(rows: list[Row]) -> dict[str, Table]:
+def _tables(rows: list[Row]) -> dict[str, Sequence[Row] | str]:
     table = differences(rows, BootstrapConfig())
-    return {
-        "rows.csv": rows,
-        "differences.csv": table,
-        "means.csv": [_mean_over_judges(row) for row in rows],
-        "tables.md": pages_of(rows, table, AGAINST[0]),
-    }
+    means = [_mean_over_judges(row) for row in rows]
+    return {"rows.csv": rows, "differences.csv": table, "means.csv": means, "tables.md": pages_of(rows, table, AGAINST[0])}
 
 
 def _mean_over_judges(row: Row) -> Row:
