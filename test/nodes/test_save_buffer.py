@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -85,11 +86,15 @@ def test_another_folder_can_be_allowed(tmp_path: Path) -> None:
         assert not saved(node, tmp_path / "kept.json").success
 
 
+def _wait(event: threading.Event) -> None:
+    event.wait()
+
+
 def test_other_callbacks_run_while_a_manifest_waits_for_the_worker(tmp_path: Path) -> None:
     with curator(tmp_path) as node:
         executor, go_on = SingleThreadedExecutor(), threading.Event()
         executor.add_node(node)
-        node._worker.do(lambda: go_on.wait() and None)
+        node._worker.do(partial(_wait, go_on))
         asked = executor.create_task(node._asked_to_save, SaveBuffer.Request(path="kept.csv"), SaveBuffer.Response())
         for _ in range(5):  # nothing in it waits for the worker
             executor.spin_once(timeout_sec=0.0)
