@@ -135,11 +135,13 @@ class Script:
         exact: each round begins at the same theta.
         steps: of a round.
         form: of the parameters, which nobody asks for.
+        restitution: whether one is learned.
     """
 
     exact: bool
     steps: int = 2
     form: str = ""
+    restitution: bool = False
 
 
 @dataclass(frozen=True)

@@ -159,7 +159,8 @@ def _filled(data: bytes) -> bytes:
 
 def golden_calls() -> list[Call]:
     """All of them, regenerated: calls change their memory."""
-    return [*_solves(), *_evaluations(), *_descents(), *_network_descents(), *_steps(), *_elementary(), *_bounces()]
+    polytopes = [*_solves(), *_evaluations(), *_descents()]
+    return [*polytopes, *_network_descents(), *_steps(), *_elementary(), *_bounces(), *_weighted()]
 
 
 def uniform(name: str, *shape: int, low: float = -1.0, high: float = 1.0) -> Array:
@@ -272,6 +273,7 @@ def _evaluation(
     bound: float = np.inf,
     spoilt: bool = False,
     restitution: Array | None = None,
+    weights: Array | None = None,
 ) -> Call:
     case = f"evaluate {'circular' if circular else 'polyhedral'} {estimator} {contacts} {bound} {spoilt}"
     count, size, starts = 30, 6 * contacts + 10 + (restitution is not None), np.array([0, 9, 10, 10, 30])
@@ -291,9 +293,19 @@ def _evaluation(
     if spoilt:
         rows.arrays[0][4, 8], rows.arrays[1][12, 9] = np.nan, np.inf
     arguments, arrays = (model.structure, rows.structure), (*model.arrays, *rows.arrays)
+    if weights is not None and restitution is not None:
+        given = (*arguments, weights, restitution)
+        return Call(f"weighted {case}", "contact_curation_evaluate_weighted", INT32, given, arrays)
     if restitution is not None:
         return Call(f"bouncing {case}", "contact_curation_evaluate_bouncing", INT32, (*arguments, restitution), arrays)
     return Call(case, "contact_curation_evaluate", INT32, arguments, arrays)
+
+
+def _weighted() -> Iterator[Call]:
+    weights = uniform("weights", 10, low=0.1, high=1.0)[np.arange(30) // 3]  # equal in runs, some of which end amid a toss
+    for circular in (True, False):
+        for estimator in (1, 2):
+            yield _evaluation(circular, estimator, 8, restitution=np.array([0.4]), weights=weights)
 
 
 def _moments(name: str, *shape: int, theta: AnyArray | None = None) -> Moments:

@@ -66,6 +66,6 @@ def test_frames_may_be_named_with_the_slash_of_ros_1() -> None:
 
 
 def test_where_no_type_carries_poses_those_that_do_are_listed() -> None:
-    vicon = [TypedTopic("/vicon/cube", "geometry_msgs/msg/TransformStamped")]
-    with pytest.raises(MissingTopicError, match=rf"TransformStamped\); expected .*of a type that is read: {ODOMETRY}, .*{TF}"):
-        find_pose_source("a.mcap", vicon, "cube", PoseTopicConfig())
+    path = [TypedTopic("/planned/cube", "nav_msgs/msg/Path")]
+    with pytest.raises(MissingTopicError, match=rf"Path\); expected .*of a type that is read: {ODOMETRY}, .*{TF}"):
+        find_pose_source("a.mcap", path, "cube", PoseTopicConfig())
