@@ -19,6 +19,7 @@ const std::map<std::string, Function> kFunctions = {
     FUNCTION(contact_curation_solve_cones),
     FUNCTION(contact_curation_evaluate),
     FUNCTION(contact_curation_evaluate_bouncing),
+    FUNCTION(contact_curation_evaluate_weighted),
     FUNCTION(contact_curation_descend),
     FUNCTION(contact_curation_descend_deep),
     FUNCTION(contact_curation_descend_deepvertex),

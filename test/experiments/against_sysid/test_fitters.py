@@ -123,4 +123,4 @@ def test_every_fitter_learns_from_two_tosses(rule: str, monkeypatch: pytest.Monk
     assert row["failed"] == ""
     assert np.isfinite([float(value) for value in str(row["mujoco_position"]).split()]).all()
     assert float(row["fit_seconds"]) > 0.0
-    assert float(row["memory"]) > 0.0
+    assert float(row["memory"]) >= 0.0  # a later fit may need no more than an earlier one had
