@@ -37,7 +37,8 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.evaluation.without_model import plain_errors, rebounds
+from contact_curation.learning.evaluation.rebounds import rebounds
+from contact_curation.learning.evaluation.without_model import plain_errors
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.uncertainty.bounce import bounce_of
 from contact_curation.motion.segmenter_config import SegmenterConfig

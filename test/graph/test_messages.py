@@ -63,6 +63,12 @@ def test_the_bytes_of_a_toss_are_those_of_its_message() -> None:
                 assert getattr(read, name) == getattr(message, name), name
 
 
+def test_bytes_of_a_toss_may_have_options_of_the_middleware() -> None:
+    (toss,) = simulated_tosses(1, seed=3)
+    data = toss_bytes(toss, 1, "board")
+    assert toss_of(toss_in(data[:2] + b"\0\3" + data[4:])).digest() == toss.digest()
+
+
 def test_bytes_that_are_no_toss_are_refused_in_one_line() -> None:
     (toss,) = simulated_tosses(1, seed=3)
     data = toss_bytes(toss, 1, "board")

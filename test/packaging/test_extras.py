@@ -33,6 +33,12 @@ def test_a_polytope_is_ranked_without_any_extra(tmp_path: Path) -> None:
     assert (tmp_path / "ranked.png").is_file()
 
 
+def test_a_recording_is_checked_without_any_extra() -> None:
+    done = run("check", str(GOLDEN))
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("ok: 21 of 24 motions are sound tosses of cube\n")
+
+
 def test_training_without_torch_ends_in_one_line_with_the_remedy(tmp_path: Path) -> None:
     done = run("train", str(GOLDEN), "--out", str(tmp_path / "model.safetensors"))
     assert done.returncode == 1

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.learning.evaluation.without_model import rebounds
+from contact_curation.learning.evaluation.rebounds import rebounds
 from contact_curation.motion.survey.sliding import Sliding, sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
@@ -36,9 +36,8 @@ def bounce_in_words(tosses: Sequence[Toss], body: Body) -> str:
     return f"the body bounces: corners leave first impacts with {share:.2f} of their speed (median of {len(shares)} tosses)"
 
 
-def friction_in_words(tosses: Sequence[Toss], body: Body) -> str:
+def variation_in_words(found: Sliding | None) -> str:
     """How far frictions of tosses differ, if they do; else empty."""
-    found = sliding_of(tosses, body)
     if found is None or found.variation < VARYING:
         return ""
     low, high = np.percentile(found.friction, [10, 90])
@@ -60,5 +59,5 @@ def misfits(tosses: Sequence[Toss], body: Body, *, bounces: bool) -> tuple[str, 
         body: as described.
         bounces: whether the model has a restitution.
     """
-    lines = ("" if bounces else bounce_in_words(tosses, body), friction_in_words(tosses, body))
+    lines = ("" if bounces else bounce_in_words(tosses, body), variation_in_words(sliding_of(tosses, body)))
     return tuple(line for line in lines if line)

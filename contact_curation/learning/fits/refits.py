@@ -27,13 +27,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
 from contact_curation.learning.fits.held_fit import HeldFitConfig, HeldSum, fit_held
 from contact_curation.learning.fits.learned_noise import learned_noise
-from contact_curation.learning.fits.polytope_sums import (
-    RESTITUTION_PLACE,
-    PolytopeSums,
-    fixed_restitution,
-    moved,
-    polytope_sums,
-)
+from contact_curation.learning.fits.polytope_sums import PolytopeSums, fixed_restitution, moved, polytope_sums
 from contact_curation.motion.transitions import Transitions
 
 SUFFICIENT, SHORTER, SHORTEST = 1e-4, 0.3, 1e-6
@@ -75,12 +69,16 @@ class Refit(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """A model with the sum, minus half its gradient (P,), and the losses (N,) of its transitions, NaN if not solved."""
+    """A model with the sum, minus half its gradient (P,), and the losses (N,) of its transitions, NaN if not solved.
+
+    `fixed` is the place in theta of a restitution that no step from here may move, or None.
+    """
 
     model: PolytopeModel
     objective: float
     score: Array
     losses: Array
+    fixed: int | None
 
     @property
     def solved(self) -> int:
@@ -212,7 +210,7 @@ def _point(held: HeldSum, model: PolytopeModel) -> _Point:
     place = fixed_restitution(model, slope, held.restitution_held)
     if place is not None:
         slope[place] = 0.0
-    return _Point(model, objective, slope, np.where(found.solved, found.losses, np.nan))
+    return _Point(model, objective, slope, np.where(found.solved, found.losses, np.nan), place)
 
 
 def _descend(start: PolytopeModel, at: Callable[[PolytopeModel], _Point], inverse: Array, config: RefitConfig) -> _Descent:
@@ -237,10 +235,10 @@ def _descend(start: PolytopeModel, at: Callable[[PolytopeModel], _Point], invers
 
 
 def _within_bounds(here: _Point, direction: Array) -> Array:
-    """The direction (P,), along the bound of a restitution that may not move: the score there is 0."""
-    place = len(direction) + RESTITUTION_PLACE
-    fixed = here.model.geometry().restitution is not None and here.score[place] == 0.0
-    return np.where(np.arange(len(direction)) == place, 0.0, direction) if fixed else direction
+    """The direction (P,), along the bound of a restitution that may not move."""
+    if here.fixed is not None:
+        direction[here.fixed] = 0.0
+    return direction
 
 
 def _corrected(inverse: Array, step: Array, change: Array) -> Array:

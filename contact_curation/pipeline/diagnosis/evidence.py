@@ -7,10 +7,12 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_of
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
+from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
@@ -80,6 +82,16 @@ class Evidence:
     def tosses(self) -> tuple[Toss, ...]:
         """Those that were accepted."""
         return tuple(one for one in self.outcomes if isinstance(one, Toss))
+
+    @cached_property
+    def bounce(self) -> str:
+        """How fast corners leave first impacts, if a body without restitution does not leave them so; else empty."""
+        return bounce_in_words(self.tosses, self.body)
+
+    @cached_property
+    def sliding(self) -> Sliding | None:
+        """Frictions of the tosses that slide; None of too few."""
+        return sliding_of(self.tosses, self.body)
 
     @cached_property
     def rejected(self) -> tuple[Rejected, ...]:

@@ -13,7 +13,8 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, ModelEvaluation, evaluate_model
 from contact_curation.learning.evaluation.motion_errors import motion_errors
-from contact_curation.learning.evaluation.without_model import FINAL, RELEASED, doubt, plain_errors, rebounds
+from contact_curation.learning.evaluation.rebounds import rebounds
+from contact_curation.learning.evaluation.without_model import FINAL, RELEASED, doubt, plain_errors
 from test.simulated import simulated_tosses
 
 

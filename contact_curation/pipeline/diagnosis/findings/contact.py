@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contact_curation.learning.evaluation.misfit import variation_in_words
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.wording import counted_tosses
@@ -9,26 +10,20 @@ from contact_curation.pipeline.wording import counted_tosses
 
 def bounces(evidence: Evidence) -> Finding | None:
     """First impacts that leave the board faster than a body without restitution does."""
-    from contact_curation.learning.evaluation.misfit import bounce_in_words  # PyTorch takes a second to import
-
-    seen = bounce_in_words(evidence.tosses, evidence.body)
+    seen = evidence.bounce
     return Finding(Severity.FACT, seen, "learn it, too: train --set training.restitution=true") if seen else None
 
 
 def friction_varies(evidence: Evidence) -> Finding | None:
     """Frictions that differ between tosses."""
-    from contact_curation.learning.evaluation.misfit import friction_in_words  # PyTorch takes a second to import
-
-    seen = friction_in_words(evidence.tosses, evidence.body)
+    seen = variation_in_words(evidence.sliding)
     mend = "clean body and board; one coefficient describes their mean only"
     return Finding(Severity.WARNING, seen, mend) if seen else None
 
 
 def friction(evidence: Evidence) -> Finding | None:
     """The friction of bodies that slide, beside the one that is described."""
-    from contact_curation.learning.evaluation.misfit import sliding_of  # PyTorch takes a second to import
-
-    found = sliding_of(evidence.tosses, evidence.body)
+    found = evidence.sliding
     if found is None:
         return None
     seen = f"{np.median(found.friction):.3f} (median of {counted_tosses(len(found.friction))} that slid)"
