@@ -7,7 +7,7 @@ directions, against gradients by all weights. Transitions that hold the last 1e-
 out of that comparison, exact and sketched.
 
     python -m benchmarks.selection.network_information [--json] [--model deep ...] [--params CHECKPOINT] [--steps N]
-                                                       [--threads N] [--tosses N] [--device cuda]
+                                                       [--threads N] [--tosses N] [--device cuda] [--times]
 
 With a device, records are timed on the CPU and on it, and the ratio of the times by the clock is printed.
 """
@@ -17,7 +17,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -59,7 +59,17 @@ DRAWS = (1, 2, 4, 6, 8)
 
 @dataclass(frozen=True)
 class Timing:
-    """One way to score tosses at one theta."""
+    """One way to score tosses at one theta.
+
+    Attributes:
+        model: whose.
+        what: is computed.
+        device: where.
+        transitions: of the tosses.
+        threads: of torch on the CPU.
+        seconds, cpu_seconds: by the clock and by the processor.
+        trace_deviation: largest of the tosses' traces from those of the CPU, relative.
+    """
 
     model: str
     what: str
@@ -68,6 +78,7 @@ class Timing:
     threads: int
     seconds: float
     cpu_seconds: float
+    trace_deviation: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -123,6 +134,7 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=2, help="of torch (default 2)")
     parser.add_argument("--tosses", type=int, default=100, help="for what takes longer than exact traces (default 100)")
     parser.add_argument("--device", default=CPU, help="where records are timed, too (default cpu)")
+    parser.add_argument("--times", action="store_true", help="without the accuracy of sketches and draws")
     arguments = parser.parse_args()
     devices = tuple(dict.fromkeys((Device(), Device(arguments.device))))
     folder = contactnets_folder()
@@ -134,6 +146,8 @@ def main() -> int:
     for name in arguments.model:
         model = network(name, tosses, arguments.params, arguments.steps)
         found["timings"] += timings(model, tosses, arguments.tosses, arguments.threads, devices)
+        if arguments.times:
+            continue
         found["sketches"] += sketches(model, tosses[:COMPARED_TOSSES])
         if not isinstance(model, EndToEndModel):
             found["draws"] += draws(model, tosses[: arguments.tosses])
@@ -170,10 +184,15 @@ def timings(model: Model, tosses: Sequence[Toss], some: int, threads: int, devic
         seconds, count = time.perf_counter() - clock, sum(toss.frames - 1 for toss in given)
         return Timing(model.kind, what, device.name, count, threads, seconds, time.process_time() - processor)
 
-    rows = [timed("exact traces", Device(), tosses, partial(exact_traces, model))]
+    rows, traces = [timed("exact traces", Device(), tosses, partial(exact_traces, model))], dict[str, Array]()
+
+    def records(given: Sequence[Toss], estimator: Estimator, device: Device) -> None:
+        traces[device.name] = np.array([info.trace for info in scored(model, given, estimator, usual, device)])
+
     for estimator, device in product(Estimator, devices):
-        work = partial(scored, model, estimator=estimator, config=usual, device=device)
-        rows.append(timed(f"records, {estimator.value}", device, tosses[:some], work))
+        row = timed(f"records, {estimator.value}", device, tosses[:some], partial(records, estimator=estimator, device=device))
+        deviation = float(np.abs(traces[device.name] / traces[CPU] - 1.0).max())
+        rows.append(replace(row, trace_deviation=deviation))
     return rows
 
 

@@ -8,11 +8,14 @@ import pytest
 
 from contact_curation.experiments import bodies
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.comparison.baselines import matched, medoids
+from contact_curation.experiments.comparison.baselines import BASELINES, matched, medoids
 from contact_curation.experiments.comparison.intervals import differences, nested_interval
 from contact_curation.experiments.engines import MEASURES
+from contact_curation.information.pool import pool_of
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from test.cli.commands import Cli
+from test.information.network_cases import tosses
+from test.information.pools import toss
 
 CONFIG = BootstrapConfig(resamples=2000)
 
@@ -69,6 +72,14 @@ def test_each_group_has_its_medoid() -> None:
         own = features[group == group[place]]
         totals = np.linalg.norm(own[:, None] - own[None], axis=2).sum(axis=1)
         assert np.linalg.norm(own - features[place], axis=1).sum() == pytest.approx(totals.min())
+
+
+@pytest.mark.parametrize("rule", ["k-medoids", "strata"])
+def test_what_needs_no_scores_selects_as_many_tosses_as_asked(rule: str) -> None:
+    thrown = tosses()
+    pool = pool_of(toss(each.toss_id, np.eye(2)) for each in thrown)
+    assert len(BASELINES[rule](pool, thrown, 3, 0)) == 3
+    assert set(BASELINES[rule](pool, thrown, len(thrown), 0)) == {each.toss_id for each in thrown}
 
 
 @pytest.mark.slow

@@ -69,9 +69,9 @@ def facility_weighted(pool: Pool, tosses: Sequence[Toss], size: int, seed: int) 
 
 def k_medoids(pool: Pool, tosses: Sequence[Toss], size: int, seed: int) -> Weights:
     """See the module."""
-    traits = np.array([traits(toss) for toss in tosses])
-    spread = traits.std(axis=0)
-    places = medoids((traits - traits.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0), size)
+    known = np.array([traits(toss) for toss in tosses])
+    spread = known.std(axis=0)
+    places = medoids((known - known.mean(axis=0)) / np.where(spread > 0.0, spread, 1.0), size)
     return {tosses[place].toss_id: 1.0 for place in places}
 
 
