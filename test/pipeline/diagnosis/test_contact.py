@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.learning.starts import body_of
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.learning.evaluation.misfit import bounce_in_words
 from contact_curation.motion.survey.sliding import sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.diagnosis.evidence import Evidence
@@ -52,6 +54,16 @@ def test_a_body_that_bounces_is_said_to_and_one_that_does_not_is_not() -> None:
     assert found.line.endswith("learn it, too: train --set training.restitution=true")
     assert bounces(seen(thrown())) is None
     assert bounces(seen(thrown(restitution=0.3)[:5])) is None
+
+
+def test_a_body_whose_corner_rises_when_the_next_one_lands_does_not_bounce() -> None:
+    body = body_of(17)
+    rigid = ContactGeometry.of_body(body).rigid()
+    without, bouncing = (
+        simulated_tosses(16, 17, RIG_NOISE, body=body, geometry=replace(rigid, restitution=value)) for value in (0.0, 0.4)
+    )
+    assert bounce_in_words(without, body) == ""
+    assert bounce_in_words(bouncing, body).startswith("the body bounces: corners leave first impacts with 0.3")
 
 
 def test_friction_that_varies_between_tosses_is_said_to_and_one_that_does_not_is_not() -> None:

@@ -1,0 +1,60 @@
+"""How often `check` says of random bodies that they bounce, by their restitution.
+
+Bodies are those of `benchmarks.learning.starts`, many of whose corners rise by themselves when the next one lands, and slender
+boxes. They are thrown in our own simulation and tracked with the real rig's noise; the body as described is the true one. Last
+come the lines of the experiments' bodies, which are thrown in MuJoCo.
+
+    python -m benchmarks.learning.misfit_words [--bodies 20] [--tosses 16] [--restitutions 0 0.1 0.2 0.3]
+"""
+
+import argparse
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.learning.starts import DENSITY, FRICTION, body_of
+from contact_curation.contact.body import Body
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.experiments.bodies import BODIES
+from contact_curation.geometry.polytopes import box
+from contact_curation.geometry.solids.mass_properties import of_hull
+from contact_curation.learning.evaluation.misfit import bounce_in_words
+from test.simulated import RIG_NOISE, simulated_tosses
+
+IN_MUJOCO, MANY = ("slab", "wedge", "irregular"), 60
+
+
+def slender(number: int) -> Body:
+    """A box 1.5 to 6 times as long as wide."""
+    rng = np.random.default_rng([number, 22])
+    half = np.array([0.02, 0.02 * rng.uniform(0.8, 1.5), 0.02 * rng.uniform(1.5, 6.0)])
+    unit = of_hull(box(half).vertices)
+    size = float(np.cbrt(np.prod(half)))
+    return Body(f"box_{number}", box(half).vertices, DENSITY * unit.mass, DENSITY * unit.inertia, FRICTION, size)
+
+
+def main() -> int:
+    """Prints a line for each kind of body and restitution."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--bodies", type=int, default=20)
+    parser.add_argument("--tosses", type=int, default=16)
+    parser.add_argument("--restitutions", nargs="+", type=float, default=[0.0, 0.1, 0.2, 0.3])
+    arguments = parser.parse_args()
+    for kind, make in (("random bodies", body_of), ("slender boxes", slender)):
+        for restitution in arguments.restitutions:
+            said = 0
+            for number in range(arguments.bodies):
+                body = make(number)
+                geometry = replace(ContactGeometry.of_body(body).rigid(), restitution=restitution or None)
+                tosses = simulated_tosses(arguments.tosses, number, RIG_NOISE, body=body, geometry=geometry)
+                said += bool(bounce_in_words(tosses, body))
+            print(f"{kind}, restitution {restitution:g}: said of {said} of {arguments.bodies}", flush=True)
+    for name in IN_MUJOCO:
+        described, thrown = BODIES[name]()
+        print(f"{name}, thrown in MuJoCo: {bounce_in_words(thrown[:MANY], described)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
