@@ -41,8 +41,8 @@ class Polytope:
 
     def corner_heights(self, positions: ArrayLike, orientations_wxyz: ArrayLike) -> Array:
         """Heights (..., V) of the vertices over the plane z = 0, at positions (..., 3) and orientations (..., 4)."""
-        third_row = quaternions.to_matrix(orientations_wxyz)[..., 2, :]
-        return np.asarray(third_row @ self.vertices.T + np.asarray(positions, dtype=float)[..., 2:3])
+        upwards = quaternions.third_rows(orientations_wxyz)
+        return np.asarray(upwards @ self.vertices.T + np.asarray(positions, dtype=float)[..., 2:3])
 
     @cached_property
     def _faces(self) -> tuple[Array, Array]:
@@ -60,10 +60,15 @@ class Polytope:
 
     def face_towards(self, direction: ArrayLike) -> NDArray[np.int64]:
         """Indices of the vertices on the hull's face whose normal is nearest to a direction (3,) in the body frame."""
-        normals, offsets = self._faces
-        nearest = int(np.argmax(normals @ np.asarray(direction, dtype=float)))
-        over = offsets[nearest] - self.vertices @ normals[nearest]
-        return np.flatnonzero(over <= ON_THE_FACE * np.ptp(self.vertices))
+        nearest = int(np.argmax(self._faces[0] @ np.asarray(direction, dtype=float)))
+        return self._vertices_of_faces[nearest]
+
+    @cached_property
+    def _vertices_of_faces(self) -> tuple[NDArray[np.int64], ...]:
+        """Indices of the vertices on each of the `_faces`."""
+        off = ON_THE_FACE * np.ptp(self.vertices)
+        faces = zip(*self._faces, strict=True)
+        return tuple(np.flatnonzero(offset - self.vertices @ normal <= off) for normal, offset in faces)
 
 
 def checked_corners(vertices: Array) -> Array:

@@ -115,12 +115,12 @@ def footing(toss: Toss, polytope: Polytope, speed: float, spin: float) -> Array 
     without it the three lowest vertices may belong to several faces, or lie on a line.
     """
     last = slice(-REST_FRAMES, None)
-    speeds, spins = (np.linalg.norm(each[last], axis=1) for each in (toss.linear_velocities, toss.angular_velocities))
+    speeds, spins = (quaternions.lengths(each[last]) for each in (toss.linear_velocities, toss.angular_velocities))
     if _median(speeds) > speed or _median(spins) > spin:
         return None
     turned = quaternions.to_matrix(toss.orientations_wxyz[last]) @ polytope.vertices.T
     corners = _median(turned.swapaxes(1, 2) + toss.positions[last, np.newaxis])
-    down = -quaternions.to_matrix(toss.orientations_wxyz[-1])[2]  # in the body's frame
+    down = -quaternions.third_rows(toss.orientations_wxyz[-1])  # in the body's frame
     return np.asarray(corners[_triangle_of(corners, polytope.face_towards(down))])
 
 
@@ -154,7 +154,7 @@ def stamps_gate(steps: Steps, bounds: GateBounds) -> str:
 
 def quaternion_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that quaternions have norm 1."""
-    off = np.abs(np.linalg.norm(steps.toss.orientations_wxyz, axis=1) - 1.0)
+    off = np.abs(quaternions.lengths(steps.toss.orientations_wxyz) - 1.0)
     return _worst("quaternion norm beside 1", off, bounds.quaternion_tolerance, "", first=0)
 
 
@@ -187,7 +187,7 @@ def impulse_gate(steps: Steps, bounds: GateBounds) -> str:
 
 def cone_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that contact impulses stay within the friction cone."""
-    sideways = np.linalg.norm(steps.contact_velocities[:, :2], axis=1)
+    sideways = quaternions.lengths(steps.contact_velocities[:, :2])
     outside = sideways - bounds.largest_friction * np.maximum(steps.contact_velocities[:, 2], 0.0)
     return _worst("impulse outside the friction cone", outside, impulse_bound(steps, bounds), "m/s")
 
@@ -201,7 +201,7 @@ def impulse_bound(steps: Steps, bounds: GateBounds) -> float:
 
 def airborne_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that only gravity accelerates a body in the air."""
-    pushed = np.where(steps.airborne, np.linalg.norm(steps.contact_velocities, axis=1) / steps.dt, 0.0)
+    pushed = np.where(steps.airborne, quaternions.lengths(steps.contact_velocities) / steps.dt, 0.0)
     least = bounds.airborne_noise / steps.toss.frame_period**2
     bound = max(bounds.airborne_acceleration * (1.0 if least else steps.growth(steps.tracker.position, 2)), least)
     return _worst("acceleration in the air beyond gravity", pushed, bound, "m/s^2")
@@ -209,7 +209,7 @@ def airborne_gate(steps: Steps, bounds: GateBounds) -> str:
 
 def spin_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that the spin of a body in the air changes only by free rotation."""
-    changes = np.where(steps.airborne, np.linalg.norm(steps.spin_changes, axis=1), 0.0)
+    changes = np.where(steps.airborne, quaternions.lengths(steps.spin_changes), 0.0)
     bound = bounds.airborne_spin_change * steps.growth(steps.tracker.turn)
     return _worst("change of spin in the air", changes, bound, "rad/s")
 
@@ -236,7 +236,7 @@ def energy_gate(steps: Steps, bounds: GateBounds) -> str:
 def jump_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that displacements agree with velocities, but where friction pushed aside and the next push ended it in a step."""
     rates = np.diff(steps.toss.positions, axis=0) / steps.dt[:, np.newaxis]
-    off = np.linalg.norm(rates - steps.toss.linear_velocities[1:], axis=1)
+    off = quaternions.lengths(rates - steps.toss.linear_velocities[1:])
     bound = max(bounds.jump_velocity * steps.growth(), bounds.least_jump / steps.toss.frame_period)
     allowed = np.maximum(bound, bounds.largest_friction * passing_pushes(steps, bounds))
     return _worst_beyond("displacement beside the velocity", off, allowed, "m/s")
@@ -253,7 +253,9 @@ def turn_gate(steps: Steps, bounds: GateBounds) -> str:
 def passing_pushes(steps: Steps, bounds: GateBounds) -> Array:
     """(T - 1,) the lesser of what contact gives upwards at the beginning and at the end of a step, without a median [m/s]."""
     rates = np.diff(steps.toss.positions[:, 2]) / steps.dt
-    pushes = _between_nothing(np.diff(rates) + bounds.gravity * steps.dt[1:])  # (T,) at each frame; none is known at the ends
+    pushes = _between_nothing(
+        rates[1:] - rates[:-1] + bounds.gravity * steps.dt[1:]
+    )  # (T,) at each frame; none is known at the ends
     return np.maximum(np.minimum(pushes[:-1], pushes[1:]), 0.0)
 
 
@@ -291,8 +293,8 @@ def _between_nothing(values: Array) -> Array:
 
 def _median(values: Array) -> Array:
     """The median (...) of values (N, ...); `np.median`, which takes any axis, takes three times as long for few."""
-    ordered = np.sort(values, axis=0)
-    return np.asarray(ordered[(len(values) - 1) // 2 : len(values) // 2 + 1].mean(axis=0))
+    ordered, middle = np.sort(values, axis=0), len(values) // 2
+    return np.asarray(ordered[middle] if len(values) % 2 else ordered[middle - 1 : middle + 1].mean(axis=0))
 
 
 def _free_spin_changes(spins: Array, moments: Array, dt: Array) -> Array:
@@ -304,15 +306,15 @@ def _free_spin_changes(spins: Array, moments: Array, dt: Array) -> Array:
 def _rocks(toss: Toss, tracker: TrackerScale) -> bool:
     """Whether a body still tilts over its last frames, however slowly: a round one may rock on a face for long."""
     last = slice(-1 - round(ROCKING_FRAMES * noise_growth(toss.frame_period)), None)
-    down = quaternions.to_matrix(toss.orientations_wxyz[last])[:, 2]
-    return float(np.linalg.norm(down - down[-1], axis=1).max()) > TURN_NOISE * RIG_TURN * tracker.turn
+    down = quaternions.third_rows(toss.orientations_wxyz[last])
+    return float(quaternions.lengths(down - down[-1]).max()) > TURN_NOISE * RIG_TURN * tracker.turn
 
 
 def _triangle_of(corners: Array, face: NDArray[np.int64]) -> NDArray[np.int64]:
     """The three lowest of the vertices (V, 3) of a face that are on no line."""
     first, second, *others = face[np.argsort(corners[face, 2])].tolist()
     along = corners[second] - corners[first]
-    areas = np.linalg.norm(quaternions.cross(corners[others] - corners[first], along), axis=1)
+    areas = quaternions.lengths(quaternions.cross(corners[others] - corners[first], along))
     third = others[int(np.argmax(areas > ON_A_LINE * areas.max()))]
     return np.array([first, second, third])
 

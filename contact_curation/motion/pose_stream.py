@@ -124,6 +124,17 @@ class FrameRun:
     child: str
     poses: PoseRun
 
+    @property
+    def frames(self) -> tuple[str, str]:
+        """Parent and child."""
+        return self.parent, self.child
+
+    def followed_by(self, other: "FrameRun") -> "FrameRun":
+        """The poses and then those of another run of the same frames."""
+        runs = (self.poses, other.poses)
+        arrays = ([getattr(run, name) for run in runs] for name in ("stamps_ns", "positions", "orientations_wxyz"))
+        return FrameRun(self.parent, self.child, PoseRun(*map(np.concatenate, arrays)))
+
     def part(self, start: int, stop: int) -> "FrameRun":
         """The poses from index `start` to before `stop`."""
         return FrameRun(self.parent, self.child, self.poses.part(start, stop))

@@ -92,7 +92,7 @@ def clear_steps(heights: Array, travels: Array) -> NDArray[np.bool_]:
 
 def vertex_travels(toss: Toss, reach: float) -> Array:
     """(T - 1,) how far any vertex comes from frame to frame, at most [m]; `reach` is that of the farthest [m]."""
-    speeds = np.linalg.norm(toss.linear_velocities, axis=1) + reach * np.linalg.norm(toss.angular_velocities, axis=1)
+    speeds = quaternions.lengths(toss.linear_velocities) + reach * quaternions.lengths(toss.angular_velocities)
     return np.asarray(np.maximum(speeds[:-1], speeds[1:]) * np.diff(toss.stamps_ns) / NANOSECONDS)
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,6 +84,10 @@ class Toss:
 
     def digest(self) -> str:
         """SHA-256 over every field: equal tosses have equal digests."""
+        return self._digest
+
+    @cached_property
+    def _digest(self) -> str:
         state = hashlib.sha256()
         for field in fields(self):
             value = getattr(self, field.name)

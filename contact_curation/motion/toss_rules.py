@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import Quaternion, Vector
@@ -179,7 +180,7 @@ def reasons_against(
         expected = f"within {1e3 * bounds.lowest_corner:.3g} mm of the board"
         reasons.append(f"lowest corner of the toss: found {1e3 * lowest.min():.1f} mm, expected {expected}")
     accelerations = calibrated_vectors(motion.accelerations, rig)
-    excess = np.linalg.norm(accelerations + np.array([0.0, 0.0, bounds.gravity]), axis=1)  # (T,)
+    excess = quaternions.lengths(accelerations + np.array([0.0, 0.0, bounds.gravity]))  # (T,)
     clear = np.append(clear_steps(lowest, vertex_travels(toss, bounds.reach)), True)  # (T,)
     airborne = all_around(lowest > bounds.airborne_clearance, 3, 1) & all_around(clear, 3, 0)
     excess = np.where(airborne, excess, 0.0)

@@ -1,5 +1,6 @@
 """The compiled time step against hand cases, the complementarity conditions and a plain-loop oracle."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -161,6 +162,20 @@ def test_energy_never_grows_where_nothing_penetrates() -> None:
     after = step(geometry, body, states, DT, limits=EXACT).states
     gain = energies(body, after) - energies(body, states)
     assert gain.max() < 1e-9
+
+
+@pytest.mark.parametrize("restitution", [None, 0.4])
+@pytest.mark.parametrize("max_sweeps", [3, 400])
+def test_steps_have_the_same_bits_together_and_one_by_one(restitution: float | None, max_sweeps: int) -> None:
+    geometry = replace(random_geometry(1, vertices=8), restitution=restitution)
+    states = touching_states(geometry, 29, seed=2)  # three times eight together, and five
+    states[4, 2], states[17, 8] = np.nan, np.inf
+    limits, guesses = SweepLimits(max_sweeps=max_sweeps), np.random.default_rng(3).exponential(size=(29, 8, 3))
+    together = step(geometry, CONTACTNETS_CUBE, states, DT, guesses, limits)
+    alone = [step(geometry, CONTACTNETS_CUBE, states[n, None], DT, guesses[n, None], limits) for n in range(29)]
+    assert len(set(together.status.tolist())) == (3 if max_sweeps == 3 else 2)
+    for name in ("states", "impulses", "status", "residual"):
+        assert getattr(together, name).tobytes() == np.concatenate([getattr(one, name) for one in alone]).tobytes()
 
 
 def test_where_a_step_starts_its_search_does_not_change_the_velocities() -> None:

@@ -106,3 +106,22 @@ def test_angle_between_is_the_angle_of_the_turn_from_one_to_the_other() -> None:
 def test_normalized_keeps_the_rotation_and_makes_the_norm_one() -> None:
     q = quaternions.exp([0.4, 0.1, -2.0])
     np.testing.assert_allclose(quaternions.normalized([1.0005 * q, 0.9995 * q]), [q, q], atol=TIGHT)
+
+
+@pytest.mark.parametrize("shape", [(4,), (7, 4), (2, 3, 4)])
+def test_third_rows_are_those_of_the_matrices_bit_for_bit(shape: tuple[int, ...]) -> None:
+    q = quaternions.normalized(np.random.default_rng(1).standard_normal(shape))
+    assert quaternions.third_rows(q).tobytes() == quaternions.to_matrix(q)[..., 2, :].tobytes()
+
+
+@pytest.mark.parametrize("shape", [(3,), (7, 2), (40, 3), (2, 3, 4)])
+def test_lengths_have_the_digits_of_numpys_norm(shape: tuple[int, ...]) -> None:
+    vectors = np.random.default_rng(2).standard_normal(shape)
+    assert quaternions.lengths(vectors).tobytes() == np.linalg.norm(vectors, axis=-1).tobytes()
+
+
+def test_products_broadcast() -> None:
+    many = quaternions.normalized(np.random.default_rng(3).standard_normal((5, 4)))
+    one_by_one = [quaternions.multiply(q, many[0]) for q in many]
+    assert np.array_equal(quaternions.multiply(many, many[0]), one_by_one)
+    assert np.array_equal(quaternions.cross(many[:, 1:], many[0, 1:]), [quaternions.cross(v, many[0, 1:]) for v in many[:, 1:]])

@@ -91,6 +91,14 @@ inline void turn(double q[4], const double rotation[3]) {
   for (int k = 0; k < 4; ++k) q[k] = turned[k] / norm;
 }
 
+// Moves a state for dt with a twist (6), its new one.
+inline void move(double *state, const double *twist, double dt) {
+  for (int k = 0; k < 3; ++k) state[k] += dt * twist[k];
+  const double rotation[3] = {dt * twist[3], dt * twist[4], dt * twist[5]};
+  turn(state + 3, rotation);
+  for (int k = 0; k < 6; ++k) state[7 + k] = twist[k];
+}
+
 // Takes the rows of K contacts, then advances states with them.
 class ContactSweeps {
  public:
@@ -129,10 +137,7 @@ class ContactSweeps {
     for (int k = 0; k < 6; ++k) twist[k] = state[7 + k];
     twist[2] -= dynamics_.gravity * dt;
     const StepResult result = solve(twist.data(), impulses);
-    for (int k = 0; k < 3; ++k) state[k] += dt * twist[k];
-    const double rotation[3] = {dt * twist[3], dt * twist[4], dt * twist[5]};
-    turn(state + 3, rotation);
-    for (int k = 0; k < 6; ++k) state[7 + k] = twist[k];
+    move(state, twist.data(), dt);
     return result;
   }
 

@@ -14,6 +14,10 @@
 namespace contact_curation::stepping {
 
 struct FrictionDisk {
+  static constexpr double kFloorShare = 1e-10;  // keeps a flat direction of D finite
+  static constexpr double kRimTolerance = 1e-12;
+  static constexpr int kNewtonSteps = 30;
+
   double d00, d01, d11;
   double largest;  // eigenvalue of D
 
@@ -24,21 +28,18 @@ struct FrictionDisk {
 
   // Overwrites `impulse` with the minimiser.
   void solve(const double b[2], double radius, double impulse[2]) const {
-    constexpr double floor_share = 1e-10;  // keeps a flat direction of D finite
-    constexpr double rim_tolerance = 1e-12;
-    constexpr int newton_steps = 30;
     const double speed = std::sqrt(b[0] * b[0] + b[1] * b[1]);
     impulse[0] = impulse[1] = 0.0;
     if (radius <= 0.0 || speed == 0.0) return;
-    double shift = std::max(floor_share * largest, speed / radius - largest);
-    for (int iteration = 0; iteration < newton_steps; ++iteration) {
+    double shift = std::max(kFloorShare * largest, speed / radius - largest);
+    for (int iteration = 0; iteration < kNewtonSteps; ++iteration) {
       const double first = d00 + shift, second = d11 + shift;
       const double determinant = first * second - d01 * d01;
       impulse[0] = (d01 * b[1] - second * b[0]) / determinant;
       impulse[1] = (d01 * b[0] - first * b[1]) / determinant;
       const double square = impulse[0] * impulse[0] + impulse[1] * impulse[1];
       const double excess = std::sqrt(square) / radius - 1.0;
-      if (!(excess > rim_tolerance)) break;
+      if (!(excess > kRimTolerance)) break;
       const double x = impulse[0], y = impulse[1];
       shift += excess * square * determinant / (second * x * x - 2.0 * d01 * x * y + first * y * y);
     }

@@ -43,7 +43,38 @@ class ProfileFisher {
     for (int i = 0; i < contacts_; ++i) add_contact(i, weight, fisher, stride);
   }
 
+  struct WeightedRow {
+    const double *row;
+    double weight;
+  };
+
  private:
+  // into += weight * row, row after row, in whole vectors; `width` numbers at least.
+  static void add_rows(const WeightedRow *rows, int count, double *into, int width) {
+    int q = 0;
+    for (; q + 3 * kPack < width; q += 4 * kPack) add_to_packs<4>(rows, count, into, q);
+    if (q + 2 * kPack < width)
+      add_to_packs<3>(rows, count, into, q);
+    else if (q + kPack < width)
+      add_to_packs<2>(rows, count, into, q);
+    else if (q < width)
+      add_to_packs<1>(rows, count, into, q);
+  }
+
+  // The same for so many vectors from number q on, which stay in registers while all rows are added to them.
+  template <int Packs>
+  static void add_to_packs(const WeightedRow *rows, int count, double *into, int q) {
+    Pack sums[Packs];
+    for (int p = 0; p < Packs; ++p) std::memcpy(&sums[p], into + q + p * kPack, sizeof(Pack));
+    for (int k = 0; k < count; ++k)
+      for (int p = 0; p < Packs; ++p) {
+        Pack row;
+        std::memcpy(&row, rows[k].row + q + p * kPack, sizeof row);
+        sums[p] += rows[k].weight * row;
+      }
+    for (int p = 0; p < Packs; ++p) std::memcpy(into + q + p * kPack, &sums[p], sizeof(Pack));
+  }
+
   struct Sparse {
     int column[16];
     double value[16];
@@ -154,12 +185,13 @@ class ProfileFisher {
   void differentiate_slacks() {
     for (int k = 0; k < 6 * stride_; ++k) pulled_[k] = model_.match_weight * velocity_rows_[k];
     active_ = 0;
+    WeightedRow added[6 + kMaxContacts];
     for (int j = 0; j < contacts_; ++j) {
       if (slack_[j] >= 0.0) continue;
       double *row = &slack_rows_[active_ * stride_];
       std::fill(row, row + stride_, 0.0);
-      for (int k = 0; k < 6; ++k)
-        for (int q = 0; q < stride_; ++q) row[q] += slack_row_[j][k] * velocity_rows_[k * stride_ + q];
+      for (int k = 0; k < 6; ++k) added[k] = {&velocity_rows_[k * stride_], slack_row_[j][k]};
+      add_rows(added, 6, row, stride_);
       const GapSlopes gap = gap_slopes_after(j, moving_);
       for (int a = 0; a < 3; ++a) row[vertex(j) + a] += gap.vertex[a], row[normal() + a] += gap.normal[a];
       row[height()] -= 1.0;
@@ -170,9 +202,12 @@ class ProfileFisher {
         row[height()] += slope[6];
         row[restitution()] += depth_[j];
       }
-      for (int k = 0; k < 6; ++k)
-        for (int q = 0; q < stride_; ++q) pulled_[k * stride_ + q] += model_.slack_weight * slack_row_[j][k] * row[q];
       active_index_[active_++] = j;
+    }
+    for (int k = 0; k < 6; ++k) {
+      for (int s = 0; s < active_; ++s)
+        added[s] = {&slack_rows_[s * stride_], model_.slack_weight * slack_row_[active_index_[s]][k]};
+      add_rows(added, active_, &pulled_[k * stride_], stride_);
     }
   }
 
@@ -334,15 +369,16 @@ class ProfileFisher {
 
   // Factors gram_ = L L^T in place, and multiplies free_rows_ by L^-1.
   void factor(int count) {
+    WeightedRow earlier[3 * kMaxContacts];
     for (int a = 0; a < count; ++a) {
       double *row = &free_rows_[a * stride_];
       for (int b = 0; b < a; ++b) {
         double value = gram_[a][b];
         for (int k = 0; k < b; ++k) value -= gram_[a][k] * gram_[b][k];
         gram_[a][b] = value / gram_[b][b];
-        const double *earlier = &free_rows_[b * stride_];
-        for (int q = 0; q < stride_; ++q) row[q] -= gram_[a][b] * earlier[q];
+        earlier[b] = {&free_rows_[b * stride_], -gram_[a][b]};
       }
+      add_rows(earlier, a, row, stride_);
       double pivot = gram_[a][a];
       for (int k = 0; k < a; ++k) pivot -= gram_[a][k] * gram_[a][k];
       const double least = model_.regularization * 1e-3;
@@ -354,8 +390,9 @@ class ProfileFisher {
   // One row of J_l^T J_theta: the free direction `along` of contact i.
   void cross_row(int i, const double *along, const double *moved, double *row) const {
     std::fill(row, row + stride_, 0.0);
-    for (int k = 0; k < 6; ++k)
-      for (int q = 0; q < stride_; ++q) row[q] += moved[k] * pulled_[k * stride_ + q];
+    WeightedRow added[6];
+    for (int k = 0; k < 6; ++k) added[k] = {&pulled_[k * stride_], moved[k]};
+    add_rows(added, 6, row, stride_);
     const double closing = gap_next_[i] * (model_.normal_weight * impulse_[i][0] * along[0] +
                                            model_.tangent_weight * (impulse_[i][1] * along[1] + impulse_[i][2] * along[2]));
     scatter(gap_rows_[i], closing, row);
@@ -380,13 +417,7 @@ class ProfileFisher {
   }
 
  public:
-  struct WeightedRow {
-    const double *row;
-    double weight;
-  };
-
   // fisher += weight * row row^T, row after row; lower triangle in whole vectors (entries right of the diagonal are scratch).
-  // An entry stays in a register while all rows are added to it.
   static void add_outers(const std::vector<WeightedRow> &rows, double *fisher, int stride) {
     WeightedRow used[6 + 4 * kMaxContacts];
     for (int a = 0; a < stride; ++a) {
@@ -395,17 +426,7 @@ class ProfileFisher {
         const double scaled = each.weight * each.row[a];
         if (scaled != 0.0) used[count++] = {each.row, scaled};
       }
-      double *into = fisher + static_cast<long>(a) * stride;
-      for (int b = 0; b <= a && count; b += kPack) {
-        Pack sum;
-        std::memcpy(&sum, into + b, sizeof sum);
-        for (int k = 0; k < count; ++k) {
-          Pack row;
-          std::memcpy(&row, used[k].row + b, sizeof row);
-          sum += used[k].weight * row;
-        }
-        std::memcpy(into + b, &sum, sizeof sum);
-      }
+      add_rows(used, count, fisher + static_cast<long>(a) * stride, a + 1);
     }
   }
 

@@ -99,17 +99,33 @@ def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Ite
     So do stamps that jitter, whose order is not that of the poses; `even_stamps` corrects them.
     """
     waiting: list[MeasuredMessage] = []
+    rest: MeasuredRun | None = None  # of a run, in place of `waiting` until a message comes that may overtake some of it
     topics: defaultdict[str, _Stamps] = defaultdict(_Stamps)
     for one in messages:
         if isinstance(one, MeasuredRun) and (settled := _settled(one, topics[one.topic].newest_ns)):
             yield from waiting
-            yield one.part(0, settled)
-            waiting = one.part(settled, len(one.log_times_ns)).messages()
+            yield from _joined(rest, one.part(0, settled))
+            waiting, rest = [], one.part(settled, len(one.log_times_ns))
             topics[one.topic].go_on(one.measured.poses.stamps_ns)
             continue
+        if rest is not None:
+            waiting, rest = rest.messages(), None
         for message in one.messages():
             yield from _overtaking(message, waiting, topics[message.topic])
     yield from waiting
+    if rest is not None:
+        yield rest
+
+
+def _joined(first: MeasuredRun | None, second: MeasuredRun) -> Iterator[MeasuredRun]:
+    """Two successive runs as one, where they are of the same topic and frames."""
+    if first is None:
+        yield second
+    elif (first.topic, *first.measured.frames) != (second.topic, *second.measured.frames):
+        yield from (first, second)
+    else:
+        log_times_ns = np.concatenate([first.log_times_ns, second.log_times_ns])
+        yield MeasuredRun(first.topic, log_times_ns, first.measured.followed_by(second.measured))
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ import struct
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import batched, groupby
+from itertools import batched, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -103,16 +103,14 @@ def measured_runs(
     reading, runs = reader.runs(source.topics)
     for run in runs:
         for part in batched(run, TOGETHER):
-            found = _together(part, reading, source) if len(part) >= FEWEST else {}
-            for decoded, successive in groupby(range(len(part)), key=lambda place: found.get(place, ALONE)[0]):
-                places = list(successive)
-                stored = [part[place] for place in places]
-                if decoded is None:
-                    for message in reading.decoded(stored):
+            found = _together(part, reading, source)
+            for start, stop in pairwise((0, *(np.flatnonzero(np.diff(found.which)) + 1).tolist(), len(part))):
+                which, first = int(found.which[start]), int(found.rows[start])
+                if which == ALONE:
+                    for message in reading.decoded(part[start:stop]):
                         yield MeasuredMessage(message.topic, message.log_time_ns, read_one(message))
                 else:
-                    first = found[places[0]][1]
-                    yield from decoded.messages(stored, range(first, first + len(stored)))
+                    yield from found.decoded[which].messages(part[start:stop], range(first, first + stop - start))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,15 +137,31 @@ class _Decoded:
         yield from (MeasuredMessage(topic, *one) for one in zip(log_times_ns, measured, strict=True))
 
 
-ALONE: tuple[_Decoded | None, int] = (None, 0)
+ALONE = -1
+"""In place of a number in `_Found.which`: the message is decoded one by one."""
 
 
-def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSource) -> dict[int, tuple[_Decoded, int]]:
-    """The messages that have the same layout as others, by their places in `part`: where their poses are, and in which row."""
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Where the poses of N messages are.
+
+    Attributes:
+        decoded: messages that have the same layout.
+        which: (N,) the index of those among which a message is; `ALONE` for none.
+        rows: (N,) in which row of them; successive messages of the same ones are in successive rows.
+    """
+
+    decoded: list[_Decoded]
+    which: NDArray[np.int64]
+    rows: NDArray[np.int64]
+
+
+def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSource) -> _Found:
+    """Decodes the messages that have the same layout as others."""
     alike: dict[tuple[Channel, int], list[int]] = defaultdict(list)
     for place, stored in enumerate(part):
         alike[stored.channel, len(stored.data)].append(place)
-    found: dict[int, tuple[_Decoded, int]] = {}
+    found = _Found([], np.full(len(part), ALONE), np.zeros(len(part), dtype=np.int64))
     for (channel, length), places in alike.items():
         walk = WALKS.get(reading.type_hash(channel)) if len(places) >= FEWEST else None
         if walk is None or source.type_of(channel.topic) != channel.type or length > reading.longest:
@@ -163,8 +177,9 @@ def _together(part: Sequence[StoredMessage], reading: Reading, source: PoseSourc
             if layout:
                 fitting = left[fits]
                 decoded, sound = layout.poses_in(block[fitting], channel.topic, source)
-                rows = np.flatnonzero(sound).tolist()
-                found |= {places[place]: (decoded, row) for place, row in zip(fitting[sound].tolist(), rows, strict=True)}
+                at = np.array(places)[fitting[sound]]
+                found.which[at], found.rows[at] = len(found.decoded), np.flatnonzero(sound)
+                found.decoded.append(decoded)
             left = left[~fits]
             if len(left) < FEWEST:
                 break

@@ -199,6 +199,16 @@ def test_messages_are_put_in_order_of_stamps_in_runs_as_one_by_one(seed: int, cu
     assert repr(found) == repr(list(in_order_of_stamps(singles)))
 
 
+def test_the_end_of_a_run_stays_a_run() -> None:
+    stamps, one = np.arange(200) * 7_000_000, np.ones((200, 1))
+    poses = PoseRun(stamps, one * [0.0, 0.0, 1.0], one * [1.0, 0.0, 0.0, 0.0])
+    whole = MeasuredRun("/odom", stamps, FrameRun("board", "cube", poses))
+    turned = whole._replace(measured=FrameRun("map", "cube", poses)).part(140, 200)
+    given = list(in_order_of_stamps([whole.part(0, 60), whole.part(60, 140), turned]))
+    assert all(isinstance(run, MeasuredRun) for run in given)
+    assert [message for run in given for message in run.messages()] == [*whole.part(0, 140).messages(), *turned.messages()]
+
+
 @pytest.mark.parametrize("type_name", [POSE, POSE_WITH_COVARIANCE, POSE_ARRAY, ODOMETRY, TRANSFORM])
 def test_poses_given_on_the_board_need_no_frames(tmp_path: Path, type_name: str) -> None:
     bag = write_ours(tmp_path / "a.mcap", recorded("/pose", type_name, ON_BOARD))

@@ -83,18 +83,20 @@ def parse_chunk(data: bytes, topics: Collection[str] | None, declarations: McapD
     undeclared, position, size = 0, 0, len(data)
     wanted = declarations.wanted(topics)
     head, message_head = RECORD_HEAD.unpack_from, MESSAGE_HEAD.unpack_from  # this loop runs once per message
+    head_size, message_head_size, message_opcode = RECORD_HEAD.size, MESSAGE_HEAD.size, int(Opcode.MESSAGE)
     while position < size:
         try:
             opcode, length = head(data, position)
-            start = position + RECORD_HEAD.size
+            start = position + head_size
             end = start + length
-            if end > size or (opcode == Opcode.MESSAGE and length < MESSAGE_HEAD.size):
+            is_message = opcode == message_opcode
+            if end > size or (is_message and length < message_head_size):
                 raise DamagedBagError(f"it declares {length} bytes where {size - start} are left")
-            if opcode == Opcode.MESSAGE:
+            if is_message:
                 number, _, log_time, publish_time = message_head(data, start)
                 channel = wanted.get(number)
                 if channel is not None:
-                    messages.append(StoredMessage(log_time, publish_time, channel, data[start + MESSAGE_HEAD.size : end]))
+                    messages.append(StoredMessage(log_time, publish_time, channel, data[start + message_head_size : end]))
                 else:
                     undeclared += number not in wanted
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
