@@ -40,8 +40,8 @@ def bounce_in_words(tosses: Sequence[Toss], body: Body) -> str:
     ):
         return ""
     return (
-        f"the body bounces: corners leave first impacts with {share:.2f} of their speed (median of {len(seen)} tosses), "
-        f"without a restitution with {max(own, 0.0):.2f}"
+        f"the body bounces: corners leave first impacts with {share:.2f} of their speed "
+        f"({max(own, 0.0):.2f} without a restitution; medians of {len(seen)} tosses)"
     )
 
 
