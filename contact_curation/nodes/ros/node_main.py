@@ -7,6 +7,7 @@ publishers while the middleware still works. Further signals have no effect. Clo
 continued after the next start, as after a kill.
 """
 
+import gc
 import os
 import re
 import signal
@@ -50,6 +51,8 @@ class StageNode(Node):
     """A node that can end its process with a reason, and closes its resources at the end."""
 
     failure: BaseException | None = None
+    shares_process = False
+    """Whether other nodes share the process, so that only one of all their threads runs Python at a time."""
     _made = False
     longest_closing = LONGEST_CLOSING
     """Time limit of closing [s]; nodes with more to write at their end may set a longer one."""
@@ -180,6 +183,7 @@ def run_together(
         try:
             if _make(makers, process, ending):
                 made([*ending.nodes.values()])
+                gc.freeze()  # modules and nodes stay: a full collection would look through them for some 60 ms
                 _spin(ending)
         except FAILED as error:
             ending.failures.setdefault(process, error)
@@ -199,6 +203,7 @@ def _make(makers: Mapping[str, Callable[[], StageNode]], process: str, ending: _
             rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
             for name, make in makers.items():
                 ending.nodes[name] = node = make()
+                node.shares_process = len(makers) > 1
                 node.when_ended(ending.begin)
                 check_names(node, name, sys.argv, [*makers])
     except REFUSED as error:
