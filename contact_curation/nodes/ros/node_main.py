@@ -7,7 +7,6 @@ publishers while the middleware still works. Further signals have no effect. Clo
 continued after the next start, as after a kill.
 """
 
-import gc
 import os
 import re
 import signal
@@ -183,7 +182,6 @@ def run_together(
         try:
             if _make(makers, process, ending):
                 made([*ending.nodes.values()])
-                gc.freeze()  # modules and nodes stay: a full collection would look through them for some 60 ms
                 _spin(ending)
         except FAILED as error:
             ending.failures.setdefault(process, error)
