@@ -55,7 +55,8 @@ class Stages:
     def __init__(self, folder: Path) -> None:
         self.times: dict[str, list[float]] = {}
         self._tosses, informations = TossStore(folder / "tosses"), InformationStore(folder / "information")
-        ingest = TossIngest(IngestConfig(TrackerConfig("body_cube")), CUBE, source="benchmark")
+        self._complete: list[Toss] = []
+        ingest = TossIngest(IngestConfig(TrackerConfig("body_cube")), CUBE, source="benchmark", complete=self._complete.append)
         self._journal = IngestJournal(ingest, self._tosses, "benchmark", "/poses")
         theta = theta_of_geometry(ContactGeometry.of_body(CUBE))
         self._scoring = ScoringStage(CUBE, CONFIG, informations, theta)
@@ -69,17 +70,26 @@ class Stages:
         self.times.setdefault("a pose that ends a toss: cut, judge, store" if happened.tosses else "any other pose", []).append(
             spent
         )
+        while self._complete:
+            self._meanwhile(self._complete.pop(0))
         for stored in happened.tosses:
             self._end(stored)
         if (expected := self._journal.expected()) is not None:
             data = self._timed("before: toss to bytes", lambda: toss_bytes(expected, 0, BOARD))
             self._timed("before: sync the store", self._journal.sync_ahead)
-            self._timed("before: score all but the last transition", lambda: self._scoring.begin(toss_of(toss_in(data))))
+            self._timed("before: score what is new but the last", lambda: self._scoring.begin(toss_of(toss_in(data))))
+        elif (nearing := self._journal.nearing_end()) is not None:
+            data = self._timed("earlier: toss so far to bytes", lambda: toss_bytes(nearing, 0, BOARD))
+            self._timed("earlier: score all but the last transition", lambda: self._scoring.begin(toss_of(toss_in(data))))
+
+    def _meanwhile(self, toss: Toss) -> None:
+        data = self._timed("meanwhile: complete toss to bytes", lambda: toss_bytes(toss, 0, BOARD))
+        self._timed("meanwhile: score the last transition", lambda: self._scoring.begin(toss_of(toss_in(data))))
 
     def _end(self, stored: StoredToss) -> None:
         data = self._timed("toss to bytes", lambda: toss_bytes(stored.toss, stored.sequence, BOARD))
         toss = self._timed("bytes to toss", lambda: toss_of(toss_in(data)))
-        batch = self._timed("score the last transition, store", lambda: self._scoring.score([toss], {toss.toss_id: BOARD}))
+        batch = self._timed("store the information", lambda: self._scoring.score([toss], {toss.toss_id: BOARD}))
         (one,) = batch.new
         message = self._timed("information to message", lambda: information_message(one.information, 1, one.stamped))
         self._timed("message to bytes", lambda: serialize_message(message))

@@ -130,17 +130,27 @@ class Scorer:
         rows = self._rows(tosses)
         return self._informations(tosses, rows, self._sums(rows, self.config.estimator))
 
-    def begin(self, toss: Toss) -> "BegunToss | None":
-        """Scores all transitions but the last of a toss whose last velocities are not known yet; None where it has too few."""
+    def begin(self, toss: Toss, earlier: "BegunToss | None" = None) -> "BegunToss | None":
+        """Scores all transitions but the last of a toss whose last velocities are not known yet; None where it has too few.
+
+        Args:
+            toss: the motion so far.
+            earlier: less of it, of which nothing is scored again.
+        """
         rows = self._rows([toss])
         if len(rows.dt) < 2:
             return None
-        given = transition_weights(self.geometry, self.body, rows.before, rows.dt)
-        weights = np.ones(len(rows.dt)) if given is None else given
-        config = self.config
-        sums = PartialSums(self.geometry, self.body, config.estimator, config.influence_bound, config.loss)
-        first = slice(-1)
-        return BegunToss(self, rows, weights, sums.added(rows.before[first], rows.after[first], rows.dt[first], weights[first]))
+        if earlier is not None and earlier.leads_to(rows):
+            sums, weights = earlier.sums, earlier.weights[:-1]
+        else:
+            config = self.config
+            sums = PartialSums(self.geometry, self.body, config.estimator, config.influence_bound, config.loss)
+            weights = np.empty(0)
+        new, scored = slice(len(weights), None), slice(len(weights), -1)
+        given = transition_weights(self.geometry, self.body, rows.before[new], rows.dt[new])
+        weights = np.append(weights, np.ones(len(rows.dt[new])) if given is None else given)
+        added = sums.added(rows.before[scored], rows.after[scored], rows.dt[scored], weights[scored])
+        return BegunToss(self, rows, weights, added)
 
     def _informations(
         self, tosses: Sequence[Toss], rows: Transitions, sums: FisherSums
@@ -226,9 +236,22 @@ class BegunToss:
     def score(self, toss: Toss) -> TossInformation | NotScored:
         """The same bits as `Scorer.score` of the complete toss; if it is another one, it is scored from the beginning."""
         rows = self.scorer._rows([toss])
-        known, found = ((each.before, each.after[:-1], each.dt) for each in (self.rows, rows))
-        if not all(map(np.array_equal, known, found)):
+        if not self._begins(rows):
             return self.scorer.score([toss])[0]
         last = slice(-1, None)
         sums = self.sums.added(rows.before[last], rows.after[last], rows.dt[last], self.weights[last])
         return self.scorer._informations([toss], rows, sums.total())[0]
+
+    def fits(self, toss: Toss) -> bool:
+        """Whether a toss is the same but for its last velocities; InvalidValueError if it is one of another body."""
+        return self._begins(self.scorer._rows([toss]))
+
+    def leads_to(self, rows: Transitions) -> bool:
+        """Whether the transitions of a toss begin with those that are scored, and two or more follow."""
+        scored = slice(len(self.weights) - 1)
+        known, found = ((each.before[scored], each.after[scored], each.dt[scored]) for each in (self.rows, rows))
+        return all(map(np.array_equal, known, found)) and len(rows.dt) > len(self.weights)
+
+    def _begins(self, rows: Transitions) -> bool:
+        known, found = ((each.before, each.after[:-1], each.dt) for each in (self.rows, rows))
+        return all(map(np.array_equal, known, found))

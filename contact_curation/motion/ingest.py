@@ -46,6 +46,7 @@ class TossIngest:
         body: what is tossed.
         source: where the poses come from, e.g. a topic; part of the toss ids.
         placed: hears every pose on the board, in order; nobody by default.
+        complete: hears every toss before the gates have judged it; nobody by default.
 
     Attributes:
         counts: how often what happened: "poses", "tosses", "rejected", stamps that were "evened", and kinds of bad poses.
@@ -53,10 +54,17 @@ class TossIngest:
     """
 
     def __init__(
-        self, config: IngestConfig, body: TossedBody, *, source: str, placed: Callable[[BodyPose], None] | None = None
+        self,
+        config: IngestConfig,
+        body: TossedBody,
+        *,
+        source: str,
+        placed: Callable[[BodyPose], None] | None = None,
+        complete: Callable[[Toss], None] = lambda toss: None,
     ) -> None:
         self.config = config
         self._placed = placed
+        self._complete = complete
         self._body = body
         self._tracker = BodyTracker(config.tracker)
         self._stamps = StampEvener(config.tracker.body_frame)
@@ -106,7 +114,13 @@ class TossIngest:
 
     def expected(self) -> Toss | None:
         """The toss that the next pose completes, but for its last velocities and the gates; None while none is about to end."""
-        toss = self._segmenter.expected()
+        return self._calibrated(self._segmenter.expected())
+
+    def nearing_end(self) -> Toss | None:
+        """The toss so far, once, when the body has rested for half the time that ends a toss; else None."""
+        return self._calibrated(self._segmenter.nearing_end())
+
+    def _calibrated(self, toss: Toss | None) -> Toss | None:
         return None if toss is None else apply_calibration(toss, self.config.rig)
 
     @property
@@ -231,6 +245,7 @@ class TossIngest:
                 toss, reasons = apply_calibration(motion.toss, self.config.rig), motion.reasons
             else:
                 toss = apply_calibration(motion, self.config.rig)
+                self._complete(toss)
                 reasons = inspect(toss, self._body, self._gates, self.tracker)
             self._outcomes["rejected" if reasons else "tosses"] += 1
             yield Rejected(toss, reasons) if reasons else toss

@@ -108,9 +108,21 @@ class TossSegmenter:
 
     def expected(self) -> Toss | None:
         """The toss that the next frame completes, but for its last velocities; None while none is about to end."""
-        if self._start is None or self._still < self._frames_at_rest or self.config.closed_up:
+        if self._start is None or self._still < self._frames_at_rest:
             return None
-        return cut(self._run, self._start, len(self._run), self.body, self.source, self.config).toss
+        return self._so_far()
+
+    def nearing_end(self) -> Toss | None:
+        """The toss so far, at the frame where the body has rested for half the time that ends a toss; else None."""
+        if self._start is None or self._still != self._frames_at_rest // 2:
+            return None
+        return self._so_far()
+
+    def _so_far(self) -> Toss | None:
+        """The toss up to the newest frame, whose velocities are not final; None where frames may have to be opened up."""
+        if self.config.closed_up:
+            return None
+        return cut(self._run, self._motion_start, len(self._run), self.body, self.source, self.config).toss
 
     def use(self, tracker: TrackerScale) -> tuple[Toss | Rejected, ...]:
         """Takes the bounds for so noisy a tracker, and looks again at the motion in progress: noise alone may have begun it.

@@ -87,7 +87,7 @@ class FisherScorer(StageNode):
             self._worker.do(partial(self._begin, data))
 
     def _begin(self, data: bytes) -> None:
-        """Scores most of a toss that the next pose will complete; on the worker's thread."""
+        """Scores what can be scored of a toss that is expected; on the worker's thread."""
         with suppress(InvalidValueError):
             self._stage.begin(checked_body(toss_of(toss_in(data)), self._body))
 

@@ -25,6 +25,7 @@ from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.pose_noise import RIG
 from contact_curation.motion.segmenter_config import SegmenterConfig
+from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
 from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_bytes
 from contact_curation.nodes.ros.body_parameter import declared_body
@@ -117,7 +118,7 @@ class PoseIngest(ManagedNode):
         """Continues an earlier run on this topic: announces tosses that were stored and not announced."""
         source = self._source or topic
         self.get_logger().info(f"poses of {self._body.name} from {topic}")
-        self._ingest = TossIngest(self._config, self._body, source=source)
+        self._ingest = TossIngest(self._config, self._body, source=source, complete=self._complete)
         body = self._body
         shape = f"{body.vertices.tolist()} {body.mass} {body.inertia.tolist()} {body.friction} {body.gravity}"
         made_of = f"{self._config} {body.name} {shape} {source}"
@@ -145,8 +146,10 @@ class PoseIngest(ManagedNode):
         happened = journal.take(arrivals)
         self._announce(happened.tosses, happened.rejected)
         if not self._inbox and (expected := journal.expected()) is not None:
-            self._expected.publish(toss_bytes(expected, 0, self._poses.board_frame))
+            self._ahead(expected)
             self._aside.do(journal.sync_ahead)
+        elif not self._inbox and (nearing := journal.nearing_end()) is not None:
+            self._ahead(nearing)
         if self._ingest is not None and (noise := self._ingest.noise_done) and self._ingest.tracker != self._tracker:
             self._tracker = self._ingest.tracker
             self.get_logger().info(noise)
@@ -154,6 +157,16 @@ class PoseIngest(ManagedNode):
             self._warnings.note(f"bad {bad.kind}", f"{bad.child} at {bad.stamp_ns} ns: {bad.why}")
         for conflict in happened.conflicts:
             self._warnings.note("conflict", conflict)
+
+    def _complete(self, toss: Toss) -> None:
+        """Takes a toss that is neither judged nor stored; it is scored meanwhile where that takes no time from this node."""
+        if not self.shares_process:
+            self._ahead(toss)
+
+    def _ahead(self, toss: Toss) -> None:
+        """Publishes a toss that is not announced yet, unless more poses wait."""
+        if self._journal is not None and not self._inbox:
+            self._expected.publish(toss_bytes(toss, 0, self._poses.board_frame))
 
     def _announce(self, tosses: Sequence[StoredToss], rejected: Sequence[StoredRejected]) -> None:
         for one in rejected:

@@ -19,7 +19,7 @@ from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.tosses import JournalPose, StoredRejected, StoredToss, TossStore
 
 JOURNAL_LENGTH = 512
-"""Measurements after which the state is saved and the journal emptied, at the next moment without a toss in progress."""
+"""Measurements after which the state is saved and the journal emptied, at the next one that is of no toss and ends none."""
 
 LONGEST_JOURNAL = 8192
 """The same, toss or not."""
@@ -108,16 +108,21 @@ class IngestJournal:
             needed = self._ingest.needed_frames
             measured = [one.measured for one in arrivals if isinstance(one.measured, FramePose)]
             self._write_down([one for one in measured if one.static or one.child in needed])
-            if needed != before:  # the state has what these frames did before they were needed
-                self._save()
             happened = self._stored(events)
-        if happened.tosses or happened.rejected:
+            ended = bool(happened.tosses or happened.rejected)  # whoever waits for these waits for no snapshot
+            if needed != before or self._journaled >= (LONGEST_JOURNAL if ended or self._ingest.tossing else JOURNAL_LENGTH):
+                self._save()  # if needed: the state has what these frames did before they were needed
+        if ended:
             self._store.reach_disk()
         return happened
 
     def expected(self) -> Toss | None:
         """The toss that the next measurement completes, but for its last velocities and the gates; None while there is none."""
         return self._ingest.expected()
+
+    def nearing_end(self) -> Toss | None:
+        """The toss so far, once, when the body has rested for half the time that ends a toss; else None."""
+        return self._ingest.nearing_end()
 
     def sync_ahead(self) -> None:
         """Brings to the disk what is stored so far, so that little waits for it when the expected toss is complete."""
@@ -144,8 +149,6 @@ class IngestJournal:
             self._last = self._store.append_poses([_journal_pose(pose) for pose in poses])
             self._journaled += len(poses)
         self._keep(IngestPosition(self._configuration, self._newest))
-        if self._journaled >= (LONGEST_JOURNAL if self._ingest.tossing else JOURNAL_LENGTH):
-            self._save()
 
     def _save(self) -> None:
         self._keep(IngestSnapshot(self._configuration, self._last, self._ingest.snapshot()))

@@ -50,6 +50,13 @@ class Batch(NamedTuple):
     not_scored: tuple[NotScored, ...]
 
 
+class _Foreseen(NamedTuple):
+    """The digest of a toss that was scored before it was announced, and what came out."""
+
+    digest: str
+    result: TossInformation | NotScored
+
+
 class ScoringStage:
     """Scores tosses of one body at the newest theta.
 
@@ -72,6 +79,7 @@ class ScoringStage:
         known = theta if stored is None else ScoredTheta(model.decode(), stored)
         self._scorer = self._checked(scorer_of(known, body, config))
         self._begun: BegunToss | None = None
+        self._foreseen: _Foreseen | None = None
 
     @property
     def version(self) -> str:
@@ -103,7 +111,7 @@ class ScoringStage:
             return False
         self._informations.drop_version(scorer.version)
         self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode(), **NOTHING_NEXT})
-        self._scorer, self._begun = scorer, None
+        self._scorer, self._begun, self._foreseen = scorer, None, None
         self._informations.keep_newest_versions(MOST_VERSIONS)
         return True
 
@@ -125,8 +133,14 @@ class ScoringStage:
         return ScoredTheta(model.decode(), data) if data and model else None
 
     def begin(self, toss: Toss) -> None:
-        """Scores most of a toss that is expected soon; its last velocities are not known yet. Nothing is stored."""
-        self._begun = self._scorer.begin(toss)
+        """Scores what can be scored of a toss that is expected soon, and was not before. Nothing is stored.
+
+        Its last velocities are not known yet, unless it comes once more as long as it was: then it is taken to be complete.
+        """
+        if self._begun is not None and self._begun.fits(toss):
+            self._foreseen = _Foreseen(toss.digest(), self._begun.score(toss))
+        else:
+            self._begun, self._foreseen = self._scorer.begin(toss, self._begun), None
 
     def score(self, tosses: Sequence[Toss], frames: Mapping[str, str]) -> Batch:
         """Scores the tosses that have no result yet, and stores the results.
@@ -145,8 +159,12 @@ class ScoringStage:
         return Batch(tuple(new), tuple(result for result in results if isinstance(result, NotScored)))
 
     def _scored(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
-        begun, self._begun = self._begun, None
-        return self._scorer.score(tosses) if begun is None or len(tosses) > 1 else (begun.score(tosses[0]),)
+        begun, foreseen, self._begun, self._foreseen = self._begun, self._foreseen, None, None
+        if begun is None or len(tosses) > 1:
+            return self._scorer.score(tosses)
+        if foreseen is not None and foreseen.digest == tosses[0].digest():
+            return (foreseen.result,)
+        return (begun.score(tosses[0]),)
 
     def after(self, sequence: int, limit: int) -> tuple[Announcement, ...]:
         """The next `limit` results behind `sequence`."""

@@ -145,6 +145,15 @@ def test_a_toss_that_was_begun_is_scored_to_the_same_bits(form: Form, estimator:
         begun = scorer.begin(unfinished(toss))
         assert begun is not None
         assert_same_bits(begun.score(toss), scorer.score([toss])[0])
+        begun = scorer.begin(unfinished(toss), scorer.begin(unfinished(first_frames(toss, toss.frames - 5))))
+        assert begun is not None
+        assert len(begun.sums.parts) == 2
+        assert_same_bits(begun.score(toss), scorer.score([toss])[0])
+
+
+def first_frames(toss: Toss, count: int) -> Toss:
+    names = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
+    return replace(toss, **{name: getattr(toss, name)[:count] for name in names})
 
 
 def assert_same_bits(one: TossInformation | NotScored, other: TossInformation | NotScored) -> None:
@@ -177,6 +186,13 @@ def test_a_toss_that_is_not_the_one_that_was_begun_is_scored_from_the_beginning(
 
 
 def test_a_toss_of_one_transition_is_not_begun() -> None:
-    toss = TOSSES[0]
-    names = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
-    assert Scorer(TRUE, CUBE, ScoringConfig()).begin(replace(toss, **{name: getattr(toss, name)[:2] for name in names})) is None
+    assert Scorer(TRUE, CUBE, ScoringConfig()).begin(first_frames(TOSSES[0], 2)) is None
+
+
+def test_a_longer_toss_that_begins_otherwise_is_begun_again() -> None:
+    scorer = Scorer(TRUE, CUBE, ScoringConfig(form=Form.RIGID))
+    for earlier in (first_frames(TOSSES[1], 20), TOSSES[0]):
+        begun = scorer.begin(unfinished(TOSSES[0]), scorer.begin(earlier))
+        assert begun is not None
+        assert len(begun.sums.parts) == 1
+        assert_same_bits(begun.score(TOSSES[0]), scorer.score([TOSSES[0]])[0])

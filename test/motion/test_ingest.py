@@ -54,6 +54,14 @@ def test_an_outlier_of_the_tracker_on_the_board_is_rejected_with_its_reason_and_
     assert ingest.counts == {"poses": len(MEASURED) - 1, "tosses": 1, "rejected": 1}
 
 
+def test_a_toss_is_heard_of_before_the_gates_have_judged_it() -> None:
+    heard = list[Toss]()
+    first, second = ingested(with_outliers(MEASURED, 80), TossIngest(CONFIG, CUBE, source="/odom", complete=heard.append))
+    assert isinstance(first, Rejected)
+    assert isinstance(second, Toss)
+    assert [toss.digest() for toss in heard] == [first.toss.digest(), second.digest()]
+
+
 def test_without_gates_the_outlier_passes() -> None:
     config = IngestConfig(CONFIG.tracker, gates=GateConfig(enabled=False))
     assert [type(event) for event in ingested(with_outliers(MEASURED, 80), fresh(config))] == [Toss, Toss]
@@ -228,3 +236,16 @@ def test_a_toss_is_expected_with_its_last_pose_and_comes_with_the_next_one() -> 
         if (next_one := ingest.expected()) is not None:
             expected.append(next_one)
     assert came == len(expected) == 2
+
+
+def test_a_toss_nears_its_end_once_before_it_is_expected() -> None:
+    ingest, seen = fresh(), list[Toss | str]()
+    for one in MEASURED:
+        ingest.push(one)
+        seen += [each for each in (ingest.nearing_end(), ingest.expected()) if each is not None]
+    for near, ahead in (seen[:2], seen[2:]):
+        assert isinstance(near, Toss)
+        assert isinstance(ahead, Toss)
+        assert near.frames == ahead.frames - 5
+        assert near.toss_id == ahead.toss_id
+        assert near.linear_velocities[:-1].tobytes() == ahead.linear_velocities[: near.frames - 1].tobytes()

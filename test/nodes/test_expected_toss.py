@@ -1,4 +1,4 @@
-"""The scorer scores a toss that is expected, and takes no harm from what it cannot read."""
+"""A toss is published before it is announced, and scored then; what cannot be read does no harm."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +10,7 @@ import rclpy
 
 from contact_curation.nodes.fisher_scorer import FisherScorer
 from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_bytes
+from contact_curation.nodes.pose_ingest import PoseIngest
 from contact_curation.session.free_domain import free_domain
 from test.simulated import simulated_tosses
 
@@ -32,6 +33,28 @@ def scorer(folder: Path) -> Iterator[FisherScorer]:
             node.destroy_node()
         finally:
             rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_complete_toss_is_published_ahead_but_in_a_container(
+    tmp_path: Path, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard = list[bytes]()
+    with free_domain() as domain:
+        rclpy.init(args=["--ros-args", "-p", f"store:={tmp_path}/tosses.sqlite"], domain_id=domain)
+        try:
+            node = PoseIngest()
+            node.shares_process = shared
+            monkeypatch.setattr(node._expected, "publish", heard.append)
+            node._complete(TOSS)  # while the journal is read again
+            assert not heard
+            node._found("/poses")
+            node._complete(TOSS)
+            node.close()
+            node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
+    assert heard == [toss_bytes(TOSS, 0, "body_surface")] * (not shared)
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00\x01\x00\x00", toss_bytes(replace(TOSS, body="bottle"), 0, "board")])

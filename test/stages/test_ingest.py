@@ -72,6 +72,21 @@ def test_a_batch_that_was_not_finished_leaves_no_trace(
     store.close()
 
 
+def test_a_toss_waits_for_no_snapshot(golden_bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contact_curation.stages.ingest.JOURNAL_LENGTH", 1)
+    measured, saved = measured_of(golden_bag)[:MESSAGES], 0
+    store, journal = open_journal(tmp_path / "store")
+    for arrival in arrivals_of(measured):
+        before = store.states.load(IngestSnapshot.KEY)
+        happened = journal.take([arrival])
+        changed = store.states.load(IngestSnapshot.KEY) != before
+        saved += changed
+        assert not (changed and (happened.tosses or happened.rejected))
+    assert saved > 100
+    assert store.last_sequence > 3
+    store.close()
+
+
 def test_what_was_stored_and_not_announced_is_announced_after_a_death(golden_bag: Path, tmp_path: Path) -> None:
     measured = measured_of(golden_bag)[:MESSAGES]
     store, journal = open_journal(tmp_path / "store")

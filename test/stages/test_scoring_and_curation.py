@@ -15,7 +15,8 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
-from contact_curation.information.scoring import ScoringConfig
+from contact_curation.information.scoring import BegunToss, ScoringConfig
+from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.stages.curation import CurationConfig, CurationStage
 from contact_curation.stages.records import Cursor
@@ -80,6 +81,28 @@ def test_a_toss_that_was_begun_is_stored_as_if_it_had_not_been(tmp_path: Path) -
     assert [packed_information(one) for one in begun] == [packed_information(one) for one in whole]
     assert [one.parameters_version for one in begun] == [one.parameters_version for one in whole]
     assert len(begun) == 3
+
+
+def unfinished(toss: Toss) -> Toss:
+    linear = toss.linear_velocities.copy()
+    linear[-1] += 0.01
+    return replace(toss, linear_velocities=linear)
+
+
+@pytest.mark.parametrize("announced", [TOSSES[0], unfinished(TOSSES[0])])
+def test_a_toss_that_was_heard_of_when_complete_is_scored_already_unless_another_is_announced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, announced: Toss
+) -> None:
+    with scoring(tmp_path) as stage:
+        for ahead in (unfinished(TOSSES[0]), TOSSES[0]):
+            stage.begin(ahead)
+        assert stage.last_sequence == 0
+        whole = stage._scorer.score([announced])[0]
+        if announced is TOSSES[0]:
+            monkeypatch.setattr(BegunToss, "score", None)
+        ((_, information, _),) = stage.score([announced], FRAMES).new
+    assert isinstance(whole, TossInformation)
+    assert packed_information(information) == packed_information(whole)
 
 
 def every(folder: Path) -> tuple[Announcement, ...]:

@@ -40,8 +40,8 @@ class TossScorer(Protocol):
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:
         """The information of each toss, in the order given."""
 
-    def begin(self, toss: Toss) -> BegunToss | None:
-        """Scores what can be scored of a toss whose last velocities are not known yet; None where nothing can."""
+    def begin(self, toss: Toss, earlier: BegunToss | None = None) -> BegunToss | None:
+        """Scores what can be scored of a toss whose last velocities are not known yet, and was not `earlier`; None: nothing."""
 
 
 def scorer_of_model(

@@ -159,7 +159,7 @@ class NetworkScorer:
         found = [(piece.place, one) for pieces in self._together(tosses) for piece, one in self._losses(pieces)]
         return tuple(np.concatenate([losses for _, losses in own]) for _, own in groupby(found, key=lambda each: each[0]))
 
-    def begin(self, toss: Toss) -> None:
+    def begin(self, toss: Toss, earlier: object = None) -> None:
         """Nothing: the random directions of a toss are drawn for all its transitions."""
 
     def score(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:

@@ -21,8 +21,9 @@ from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.nodes.messages.headers import Stamped, header_message
 
 EXPECTED_TOSS = "_expected_toss"
-"""Topic with the toss that the next pose will complete, sent so that most of it is scored by then. Its number is 0, its last
-velocities are not known yet, and no gate has seen it. A hidden topic, and nobody has to hear it."""
+"""Topic with a toss before it is announced, so that it is scored by then: when it nears its end, when the next pose will
+complete it, and when it is complete, to be scored while it is judged and stored. Its number is 0, and no gate has seen it. The
+first two times its last velocities are not known yet. A hidden topic, and nobody has to hear it."""
 
 LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 

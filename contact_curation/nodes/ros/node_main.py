@@ -50,6 +50,8 @@ class StageNode(Node):
     """A node that can end its process with a reason, and closes its resources at the end."""
 
     failure: BaseException | None = None
+    shares_process = False
+    """Whether other nodes share the process, so that only one of all their threads runs Python at a time."""
     _made = False
     longest_closing = LONGEST_CLOSING
     """Time limit of closing [s]; nodes with more to write at their end may set a longer one."""
@@ -199,6 +201,7 @@ def _make(makers: Mapping[str, Callable[[], StageNode]], process: str, ending: _
             rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
             for name, make in makers.items():
                 ending.nodes[name] = node = make()
+                node.shares_process = len(makers) > 1
                 node.when_ended(ending.begin)
                 check_names(node, name, sys.argv, [*makers])
     except REFUSED as error:
