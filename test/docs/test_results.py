@@ -387,11 +387,41 @@ def as_rows(name: str) -> list[Row]:
 
 
 def test_the_tables_of_rules_at_the_fit_are_those_of_the_stored_rows() -> None:
-    text = section("Which sets are best with the right noise and one geometry")
     page = pages_of(as_rows("criteria_at_fit"), as_rows("criteria_at_fit_differences"), "random")
-    tables = page.split("\n\n`")
-    assert len(tables) > 1
-    assert [table.strip().removeprefix("`") for table in tables if table.strip().removeprefix("`") not in text] == []
+    assert page.strip() in (ROWS / "rules_at_the_fit.md").read_text()
+
+
+def test_the_errors_of_rules_at_the_fit_are_means_of_the_stored_rows() -> None:
+    text, found = section("Which sets are best with the right noise and one geometry"), rows("criteria_at_fit")
+    table = re.search(r"^\| body \| rule \|.*?\n\n", text, re.DOTALL | re.MULTILINE)
+    assert table
+    columns = [(measure, size) for measure in ("mujoco_position", "mujoco_rotation") for size in ("4", "8", "16", "32")]
+    _, _, *lines = table[0].strip().splitlines()
+    assert len(lines) == 35
+    for line in lines:
+        body, rule, *cells = (cell.strip(" *") for cell in line.strip("|").split("|"))
+        for (measure, size), cell in zip(columns, cells, strict=True):
+            own = [float(row[measure]) for row in found if (row["body"], row["rule"], row["size"]) == (body, rule, size)]
+            assert float(np.mean(own)) == pytest.approx(float(cell), abs=0.051), line
+
+
+def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> None:
+    found, sizes = rows("criteria_at_fit"), np.array([4, 8, 16, 32])
+    worth: dict[int, list[float]] = {4: [], 8: []}
+    for body in {row["body"] for row in found}:
+        for measure in ("ours_position", "ours_rotation", "mujoco_position", "mujoco_rotation"):
+            mean = {(rule, size): float(np.mean([float(row[measure]) for row in found
+                                                 if (row["body"], row["rule"], row["size"]) == (body, rule, str(size))]))
+                    for rule in ("random", "representative") for size in sizes}  # fmt: skip
+            errors = np.minimum.accumulate([mean["random", size] for size in sizes])
+            for size, values in worth.items():
+                like = np.interp(-mean["representative", size], -errors, np.log2(sizes), right=6.0)
+                values.append(float(2.0**like))
+    assert np.median(worth[4]) == pytest.approx(13.0, abs=0.5)
+    assert np.median(worth[8]) > 26.0
+    assert min(worth[4]) > 8.5
+    assert sum(value > 32.0 for value in worth[4]) == 1
+    assert min(worth[8]) > 9.5
 
 
 def test_the_stored_differences_are_those_of_the_stored_means() -> None:
@@ -412,7 +442,8 @@ def test_the_frictions_of_the_rules_page_are_medians_of_the_stored_rows() -> Non
     assert table
     heads, _, *lines = ([cell.strip(" *") for cell in line.strip("|").split("|")] for line in table[0].strip().splitlines())
     assert len(lines) == 7
+    found = [row for row in rows("criteria_at_fit") if row["body"] == "cube"]
     for name, *cells in lines:
         for size, cell in zip((head.split()[-1] for head in heads[1:]), cells, strict=True):
-            own = [row for row in rows("criteria_at_fit") if (row["rule"], row["size"]) == (name.split(",")[0], size)]
+            own = [row for row in found if (row["rule"], row["size"]) == (name.split(",")[0], size)]
             assert float(np.median([float(row["friction"]) for row in own])) == pytest.approx(float(cell), abs=0.00051), name
