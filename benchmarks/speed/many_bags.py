@@ -1,9 +1,10 @@
 """`contact-curation rank` over many bags: processes of this machine, Ray, and an index, compared in one run.
 
-    python -m benchmarks.speed.many_bags [--bags N] [--engines local ray] [--json]
+    python -m benchmarks.speed.many_bags [--bags N] [--recording BAG.mcap] [--engines local ray] [--json]
 
-Each bag holds the tosses of the repository's golden bag with later stamps, so that every toss has an id of its own. Manifests
-are compared: all must be the same but for the command. What is worth something are the ratios within the run.
+Each bag holds the tosses of one recording, by default of the repository's golden bag, with later stamps, so that every toss has
+an id of its own. Manifests are compared: all must be the same but for the command. What is worth something are the ratios
+within the run.
 
 Memory is looked at twice a second: that of the command itself, of the largest worker that it started (a process of the
 pool, or a worker of Ray), and what all its processes together hold for themselves, those of Ray's cluster included.
@@ -26,7 +27,7 @@ from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.writer import BagWriter
 
 GOLDEN = Path(__file__).resolve().parents[2] / "bags" / "golden.mcap"
-SHIFT_NS = 1_000_000_000_000
+SHIFT_NS = 100_000_000_000_000
 """From bag to bag."""
 
 LOOK = 0.5
@@ -111,11 +112,13 @@ def main() -> int:
     """Prints a table, or JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--bags", type=int, default=20, help="how many (default 20)")
+    parser.add_argument("--recording", type=Path, default=GOLDEN, help="an MCAP file (default: the golden bag)")
     parser.add_argument("--engines", nargs="+", default=["local", "ray"], help="which (default: local ray)")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     arguments = parser.parse_args()
     with TemporaryDirectory(prefix="contact-curation-bench-") as folder:
-        bags = [later(GOLDEN, Path(folder) / f"{number:04d}.mcap", number * SHIFT_NS) for number in range(arguments.bags)]
+        made = ((Path(folder) / f"{number:04d}.mcap", number * SHIFT_NS) for number in range(arguments.bags))
+        bags = [later(arguments.recording, *each) for each in made]
         if arguments.json:
             print(json.dumps({"measurements": [asdict(row) for row in measured(bags, arguments.engines)]}, indent=2))
             return 0
