@@ -7,6 +7,8 @@ the processor, which a busy machine disturbs less. NumPy's own threads count in 
 `representative` looks at a part of a large pool in each step. What that loses is measured in small pools, where a step looks at
 as small a part: the expected error of the selected set over that of the set that is selected when each step looks at all.
 
+Streams of `representative` are compared with the selection that looks at all tosses in each step, in three orders.
+
     python -m benchmarks.speed.information [--json] [--tosses K ...] [--top K] [--repeats N]
         [--only NAME ...]
 """
@@ -25,7 +27,9 @@ import numpy as np
 
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.criteria.exchanges import SwapStreaming
-from contact_curation.information.criteria.representative import LARGEST_WHOLE, select_representative, swap_costs
+from contact_curation.information.criteria.representative import select_representative, swap_costs
+from contact_curation.information.criteria.representative_streaming import RepresentativeStreaming
+from contact_curation.information.criteria.set_search import LARGEST_WHOLE
 from contact_curation.information.criteria.trace import TraceHeap
 from contact_curation.information.pool import pool_of
 from contact_curation.information.prior import log_det_prior
@@ -41,6 +45,12 @@ SEED = 0
 PRIOR = 1e-3
 IN_PARTS = 57_000
 """Of a pool of so many `LARGEST_WHOLE` are as large a part as is looked at in the small pools."""
+
+STREAMS = "streams"
+"""What --only calls them."""
+
+COMPARED = 20_000
+"""Of so many tosses every one is looked at in each step of the selection that a stream is compared with."""
 
 SMALL_POOL = 2000
 """Repetitions end here: a pool this large is ranked once."""
@@ -78,7 +88,7 @@ def main() -> int:
     parser.add_argument(
         "--repeats", type=int, default=5, help=f"repetitions for pools of up to {SMALL_POOL} tosses (default 5)"
     )
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="criteria to rank by (default: all, and the streams)")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help=f"criteria to rank by, or {STREAMS} (default: all)")
     arguments = parser.parse_args()
     measure = partial(measured, top=arguments.top, repeats=arguments.repeats, only=arguments.only)
     timings = [row for count in sorted(arguments.tosses) for row in measure(count)]
@@ -133,7 +143,7 @@ def ranked(infos: list[TossInformation], top: int, repeats: int, only: Sequence[
     rows = [timed(name, count, partial(rank, infos, config), repeats) for name, config in wanted.items()]
     if count <= SMALL_POOL and "representative" in wanted:
         rows.append(seen_in_parts(infos, top, repeats))
-    return rows + (streams(infos, top) if only is None else [])
+    return rows + (streams(infos, top) if only is None or STREAMS in only else [])
 
 
 def seen_in_parts(infos: list[TossInformation], top: int, repeats: int) -> Timing:
@@ -154,7 +164,23 @@ def streams(infos: list[TossInformation], top: int) -> list[Timing]:
     heap = timed("stream: heap (trace)", len(infos), partial(streamed, TraceHeap(top), infos), 1)
     selector = SwapStreaming(prior, top)
     exchanges = timed("stream: exchanges (log-det)", len(infos), partial(streamed, selector, infos), 1)
-    return [heap, replace(exchanges, relative_log_det=selector.value / greedy)]
+    return [heap, replace(exchanges, relative_log_det=selector.value / greedy), *streams_of_the_default(infos, top)]
+
+
+def streams_of_the_default(infos: list[TossInformation], top: int) -> list[Timing]:
+    """`representative`, as tosses were made, which is at random, and by their trace."""
+    pool = pool_of(infos)
+    coordinates = [pool_subspace(pool).per_mean_toss(len(pool))]
+    exact = select_representative([pool], coordinates, top, PRIOR, COMPARED).order[:top].tolist()
+    by_trace = sorted(infos, key=lambda info: info.trace)
+    rows = []
+    for name, order in {"random": infos, "growing": by_trace, "shrinking": by_trace[::-1]}.items():
+        selector = RepresentativeStreaming(pool.pivot, top, PRIOR)
+        row = timed(f"stream: representative, {name}", len(infos), partial(streamed, selector, order), 1)
+        selected = pool.indices_of(info.toss_id for info in selector.selected).tolist()
+        streamed_error, whole = (swap_costs([pool], coordinates, each, PRIOR).error for each in (selected, exact))
+        rows.append(replace(row, relative_error=streamed_error / whole))
+    return rows
 
 
 def rankings(top: int) -> dict[str, RankingConfig]:

@@ -10,7 +10,6 @@ the scores of single tosses scatter by, sigma, is the natural unit: k tosses dra
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,16 +39,45 @@ class OptimumShift:
 
 
 @dataclass(frozen=True, eq=False)
+class TossSums:
+    """Sums over tosses that need not be in memory; they add up.
+
+    Attributes:
+        tosses: K.
+        fisher: (P, P) of the Fisher matrices.
+        score: (P,) of the scores s.
+        square: (P, P) of s s^T.
+    """
+
+    tosses: int
+    fisher: Array
+    score: Array
+    square: Array
+
+    @staticmethod
+    def of(pool: Pool) -> "TossSums":
+        """Of a pool, through the sketch where there is one."""
+        scores = _score_sums(pool)
+        return TossSums(len(pool), pool.fisher, scores.sum(axis=0), scores.T @ scores)
+
+    def __add__(self, other: "TossSums") -> "TossSums":
+        tosses, fisher = self.tosses + other.tosses, self.fisher + other.fisher
+        return TossSums(tosses, fisher, self.score + other.score, self.square + other.square)
+
+
+@dataclass(frozen=True, eq=False)
 class PoolScores:
     """The tosses' scores where the pool's mean toss is the identity, in units of what they scatter by.
 
     Attributes:
         scores: (K, p).
+        shift: (p,) d, the difference from theta to the pool's optimum.
         scatter: their mean variance over the directions: 1, or 0 where the scores of all tosses are equal.
         prior: delta: A0 is this share of the mean toss.
     """
 
     scores: Array
+    shift: Array
     scatter: float
     prior: float
 
@@ -62,16 +90,19 @@ class PoolScores:
             coordinates: (P, p) in which its mean toss is the identity.
             prior: delta > 0.
         """
-        scores = replace(pool, network_scores=None).toss_scores @ coordinates
-        scatter, power = float(scores.var(axis=0).mean()), float(np.square(scores).mean())
-        if scatter > NEGLIGIBLE * power:
-            return PoolScores(scores / np.sqrt(scatter), 1.0, prior)
-        return PoolScores(scores / np.sqrt(power or 1.0), 0.0, prior)
+        scores = _score_sums(pool) @ coordinates
+        scatter, unit = _units(float(scores.var(axis=0).mean()), float(np.square(scores).mean()))
+        scores /= unit
+        return PoolScores(scores, scores.sum(axis=0) / (prior + len(scores)), scatter, prior)
 
-    @cached_property
-    def shift(self) -> Array:
-        """(p,) d, the difference from theta to the pool's optimum."""
-        return np.asarray(self.scores.sum(axis=0) / (self.prior + len(self.scores)))
+    @staticmethod
+    def of_sums(pool: Pool, sums: TossSums, coordinates: Array, prior: float) -> "PoolScores":
+        """The scores of a pool that is a part of the tosses of which the sums are; shift and scatter are those of all."""
+        mean = sums.score @ coordinates / sums.tosses
+        power = float(np.mean(np.sum(coordinates * (sums.square @ coordinates), axis=0))) / sums.tosses
+        scatter, unit = _units(power - float(np.square(mean).mean()), power)
+        shift = mean / unit * (sums.tosses / (prior + sums.tosses))
+        return PoolScores(_score_sums(pool) @ coordinates / unit, shift, scatter, prior)
 
 
 def optimum_shift(pool: Pool, coordinates: Array, selected: Sequence[int] | Indices, prior: float) -> OptimumShift:
@@ -84,3 +115,13 @@ def optimum_shift(pool: Pool, coordinates: Array, selected: Sequence[int] | Indi
         distance=float(np.sqrt(np.square(off).mean())),
         at_random=float(np.sqrt(known.scatter * (1.0 / len(selected) - 1.0 / len(pool)))),
     )
+
+
+def _score_sums(pool: Pool) -> Array:
+    """(K, P) through the sketch where there is one."""
+    return replace(pool, network_scores=None).toss_scores
+
+
+def _units(scatter: float, power: float) -> tuple[float, float]:
+    """The scatter in the unit of the scores, and the unit."""
+    return (1.0, float(np.sqrt(scatter))) if scatter > NEGLIGIBLE * power else (0.0, float(np.sqrt(power or 1.0)))

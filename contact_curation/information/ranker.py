@@ -11,7 +11,6 @@ from collections.abc import Iterable, Sequence
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.criteria.criterion import DEFAULT_CRITERION as DEFAULT_CRITERION
-from contact_curation.information.criteria.criterion import STREAMED_CRITERION as STREAMED_CRITERION
 from contact_curation.information.criteria.criterion import RankingConfig as RankingConfig
 from contact_curation.information.criteria.criterion import criterion_named as criterion_named
 from contact_curation.information.criteria.criterion import criterion_names as criterion_names

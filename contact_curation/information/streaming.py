@@ -1,7 +1,5 @@
 """Selection from a stream, one toss at a time (method.md 1.7, 2.5): what the selectors of all criteria share."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from contact_curation.errors import InvalidValueError
@@ -9,30 +7,11 @@ from contact_curation.information.pool import check_comparable
 from contact_curation.information.record import TossInformation
 
 
-@dataclass(frozen=True)
-class Change:
-    """What an offer did to the selected set.
-
-    Attributes:
-        added: ids that are selected now and were not before.
-        removed: ids that were selected before and are not now.
-    """
-
-    added: tuple[str, ...] = ()
-    removed: tuple[str, ...] = ()
-
-    def __bool__(self) -> bool:
-        return bool(self.added or self.removed)
-
-
-NO_CHANGE = Change()
-
-
 class Selector(Protocol):
     """Selects the best tosses of a stream. An id that was offered before changes nothing."""
 
-    def offer(self, info: TossInformation) -> Change:
-        """Look at one toss; say what changed.
+    def offer(self, info: TossInformation) -> None:
+        """Look at one toss.
 
         Raises:
             InvalidValueError: it was scored at another theta than the tosses before.
@@ -65,18 +44,6 @@ class Seen:
         known = info.toss_id in self._ids
         self._ids.add(info.toss_id)
         return not known
-
-
-def difference(before: Sequence[TossInformation], after: Sequence[TossInformation]) -> Change:
-    """The change from one selected set to another."""
-    if after is before:
-        return NO_CHANGE
-    old = {info.toss_id for info in before}
-    new = {info.toss_id for info in after}
-    return Change(
-        added=tuple(info.toss_id for info in after if info.toss_id not in old),
-        removed=tuple(info.toss_id for info in before if info.toss_id not in new),
-    )
 
 
 def checked_top(top: int) -> int:

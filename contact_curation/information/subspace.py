@@ -74,9 +74,12 @@ def pool_subspace(pool: Pool, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspa
 
     `cut` and errors as in `identifiable_subspace`.
     """
-    if pool.sketched:
-        return leading_subspace(pool.fisher, LEADING_DIRECTIONS, cut)
-    return identifiable_subspace(pool.fisher, cut)
+    return fisher_subspace(pool.fisher, pool.sketched, cut)
+
+
+def fisher_subspace(fisher: Array, sketched: bool, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:
+    """The same of the pooled Fisher sum (P, P), in whose columns a network's scores are `sketched` or none is."""
+    return leading_subspace(fisher, LEADING_DIRECTIONS, cut) if sketched else identifiable_subspace(fisher, cut)
 
 
 def identifiable_subspace(fisher: Array, cut: float = EIGENVALUE_CUT) -> IdentifiableSubspace:

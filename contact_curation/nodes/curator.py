@@ -53,9 +53,6 @@ class Curator(StageNode):
         self._informations.claim()
         self._stage = CurationStage(ranking, config, self._informations)
         self._wanted = self._stage.ranking
-        if self._wanted != ranking:
-            used = self._wanted.criterion
-            self.get_logger().info(f"{ranking.criterion} needs all tosses, which a stream does not hold: using {used}")
         self._warnings = ThrottledWarnings(self)
         self._buffer: Buffer | None = None
         self._publisher = self.create_publisher(CuratedBuffer, "curated_buffer", latched(1))

@@ -20,9 +20,7 @@ from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import form_of, thetas_of
 from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.parameter_files import Parameters
-from contact_curation.stages.curation import CurationConfig
 from contact_curation.stages.parameters import as_parameter, with_parameters
-from contact_curation.stages.selection import ranking_for
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from contact_curation.storage.inputs.records import InputsConfig
 
@@ -66,9 +64,8 @@ class NodeSettings:
             gates=with_parameters(GateConfig(), ingest, "gates."),
             rig=with_parameters(NO_CORRECTION, ingest, "rig."),
         )
-        selection = with_parameters(CurationConfig(), curator).selection
-        ranking = ranking_for(selection, with_parameters(RankingConfig(), curator))
-        return NodeSettings(inputs, with_parameters(ScoringConfig(form=Form.RIGID), scorer), ranking)
+        scoring = with_parameters(ScoringConfig(form=Form.RIGID), scorer)
+        return NodeSettings(inputs, scoring, with_parameters(RankingConfig(), curator))
 
 
 def offline_ranking(

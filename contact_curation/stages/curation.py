@@ -23,7 +23,7 @@ from contact_curation.stages.records import (
     load_record,
     stored_records,
 )
-from contact_curation.stages.selection import SELECTIONS, Selection, ranking_for, selection_of
+from contact_curation.stages.selection import SELECTIONS, Selection, selection_of
 from contact_curation.storage.stores.information import InformationStore
 
 
@@ -32,8 +32,8 @@ class CurationConfig:
     """How the buffer is selected.
 
     Attributes:
-        selection: exact ranks all tosses; streaming needs bounded memory and takes the criteria trace and log-det only.
-        prior_tosses: number of first tosses from which a streaming log-det estimates its prior.
+        selection: exact ranks all tosses; streaming needs bounded memory and takes the criteria representative, log-det, trace.
+        prior_tosses: number of first tosses that streaming keeps all, and from which log-det estimates its prior.
         coverage: a new theta replaces the old one when this share of the known tosses is scored at it.
     """
 
@@ -94,7 +94,7 @@ class CurationStage:
     """Selects the best tosses of one body.
 
     Args:
-        ranking: criterion and number of tosses; log-det replaces the default criterion where a stream is not stored whole.
+        ranking: criterion and number of tosses.
         config: how they are kept.
         informations: where everything that came, the place in the stream and the buffer are stored.
 
@@ -106,7 +106,6 @@ class CurationStage:
         self._config = config
         self._informations = informations
         self._states = informations.states
-        ranking = ranking_for(config.selection, ranking)
         self.check(ranking)
         position = load_record(self._states.load, CuratorPosition) or CuratorPosition()
         self._newest, known = position.newest, position.versions

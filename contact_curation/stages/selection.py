@@ -1,24 +1,15 @@
 """The scored tosses that a curator holds in memory: all of them, or a bounded number.
 
 `exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming`
-keeps what one pass can, by criteria that can select in one pass: the k largest traces, exactly; or for log-det exchanges,
-which come out near `exact`. The prior of log-det comes from the first tosses.
-
-The default criterion needs the whole pool. Where tosses are let go log-det stands in for it.
+keeps what one pass can, by criteria that can select in one pass: trace, exactly; representative and log-det by exchanges, which
+come out near `exact`. The prior of log-det comes from the first tosses.
 """
 
-from dataclasses import replace
 from typing import Protocol
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.criterion import Need
-from contact_curation.information.ranker import (
-    DEFAULT_CRITERION,
-    STREAMED_CRITERION,
-    RankingConfig,
-    criterion_named,
-    criterion_names,
-)
+from contact_curation.information.ranker import RankingConfig, criterion_named, criterion_names
 from contact_curation.information.record import TossInformation
 
 SELECTIONS = ("exact", "streaming")
@@ -93,12 +84,6 @@ class StreamingSelection:
     @property
     def seen(self) -> int:
         return len(self._first) if self._selector is None else self._selector.seen
-
-
-def ranking_for(kind: str, config: RankingConfig) -> RankingConfig:
-    """How tosses are ranked by one of `SELECTIONS` where a configuration may not have named its criterion."""
-    stands_in = kind != "exact" and config.criterion == DEFAULT_CRITERION
-    return replace(config, criterion=STREAMED_CRITERION) if stands_in else config
 
 
 def selection_of(kind: str, config: RankingConfig, prior_tosses: int) -> Selection:

@@ -13,7 +13,7 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import curate
-from contact_curation.information.ranker import RankingConfig
+from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import BegunToss, ScoringConfig
 from contact_curation.motion.toss import Toss
@@ -353,6 +353,7 @@ def test_a_buffer_says_what_is_proven_of_it_against_sets_of_its_size(tmp_path: P
 def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) -> None:
     bounds = []
     with curating(tmp_path, config=CurationConfig(selection="streaming", prior_tosses=4)) as stage:
+        stage.rank_by(RankingConfig("log-det", top=3))
         for information in scored(TOSSES):
             added(stage, [information])
             buffer = stage.buffer()
@@ -362,22 +363,25 @@ def test_nothing_is_proven_of_a_stream_that_has_let_tosses_go(tmp_path: Path) ->
     assert bounds[3:] == [0.0] * 5
 
 
-def test_log_det_stands_in_for_the_default_where_tosses_are_let_go_but_not_for_what_was_named(tmp_path: Path) -> None:
-    with curating(tmp_path, config=CurationConfig(selection="streaming", prior_tosses=4)) as stage:
-        added(stage, scored(TOSSES))
-        buffer = stage.buffer()
-        with pytest.raises(InvalidValueError, match="criterion of a streaming selection: found representative"):
-            stage.check(RankingConfig("representative", top=3))
-    assert buffer is not None
-    assert stage.ranking == RankingConfig("log-det", top=3)
-    assert buffer_message(buffer).criterion == "log-det"
-    with curating(tmp_path) as stage:
-        assert stage.ranking.criterion == "representative"
+def test_a_streaming_curator_selects_by_the_default_criterion_and_after_a_restart_the_same(tmp_path: Path) -> None:
+    config = CurationConfig(selection="streaming", prior_tosses=4)
+    buffers = []
+    for informations in (scored(TOSSES), []):
+        with curating(tmp_path, config=config) as stage:
+            added(stage, informations)
+            buffers.append(stage.buffer())
+    before, after = buffers
+    assert before is not None
+    assert after is not None
+    assert buffer_message(before).criterion == "representative"
+    assert (before.seen, len(before.candidates)) == (8, 3)
+    assert set(before.curation.ranking.selected_ids) == set(rank(scored(TOSSES), RankingConfig(top=3)).selected_ids)
+    assert (after.seen, after.curation.ranking) == (before.seen, before.curation.ranking)
 
 
 def test_a_stream_cannot_keep_to_every_criterion(tmp_path: Path) -> None:
     config = CurationConfig(selection="streaming")
-    with store(tmp_path) as informations, pytest.raises(InvalidValueError, match="trace or log-det"):
+    with store(tmp_path) as informations, pytest.raises(InvalidValueError, match="trace or log-det or representative"):
         CurationStage(RankingConfig(criterion="orthogonal"), config, informations)
 
 

@@ -21,10 +21,6 @@ from contact_curation.information.subspace import EIGENVALUE_CUT
 DEFAULT_CRITERION = "representative"
 """The one to select training sets by (docs/rule.md)."""
 
-STREAMED_CRITERION = "log-det"
-"""What stands in for the default where tosses are let go unranked: the default needs the whole pool."""
-
-
 MOST_SELECTED = 1_000_000
 
 
@@ -33,7 +29,7 @@ class RankingConfig:
     """How tosses are ranked.
 
     Attributes:
-        criterion: name of a registered criterion; a stream that is not stored whole takes log-det in place of representative.
+        criterion: name of a registered criterion.
         top: number of tosses to select.
         seed: random seed of the criterion random.
         prior: prior information as a share of the information of the pool's mean toss (method.md 1.6).

@@ -14,7 +14,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated, gains_of_rows
 from contact_curation.information.prior import LogDetPrior
 from contact_curation.information.record import TossInformation
-from contact_curation.information.streaming import NO_CHANGE, Change, Seen, checked_top, difference
+from contact_curation.information.streaming import Seen, checked_top
 from contact_curation.information.ties import tie_floor
 
 
@@ -60,22 +60,21 @@ class SwapStreaming:
         self._value = 0.0
         self._without: _LeaveOneOut | None = None
 
-    def offer(self, info: TossInformation) -> Change:
-        """Look at one toss; say what changed.
+    def offer(self, info: TossInformation) -> None:
+        """Look at one toss.
 
         Raises:
             InvalidValueError: it was scored at another theta than the tosses before, or its parameters are not the prior's.
         """
         rows = self._prior.rows(info)
         if not self._seen.is_new(info):
-            return NO_CHANGE
+            return
         staying = self._members if len(self._members) < self._top else self._best_exchange(rows)
         if staying is None:
-            return NO_CHANGE
-        before, self._members = self._members, (*staying, info)
+            return
+        self._members = (*staying, info)
         self._value = Accumulated.prior_only(self._prior.coordinates).joined(self._stacked()).log_det
         self._without = None
-        return difference(before, self._members)
 
     @property
     def selected(self) -> tuple[TossInformation, ...]:

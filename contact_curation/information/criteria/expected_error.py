@@ -78,7 +78,11 @@ class ExpectedError:
             coordinates: (P, p) in which its mean toss is the identity.
             prior: delta > 0: A0 is this share of the mean toss.
         """
-        known = PoolScores.of(pool, coordinates, prior)
+        return ExpectedError.against(PoolScores.of(pool, coordinates, prior), pool, coordinates)
+
+    @staticmethod
+    def against(known: PoolScores, pool: Pool, coordinates: Array) -> "ExpectedError":
+        """The measure of a pool's sets against the tosses whose shift and scatter are known."""
         silent = not known.scores.any()  # then sets differ by what they know alone
         return ExpectedError(pool, coordinates, known, CAUTION if silent else CAUTION * known.scatter)
 

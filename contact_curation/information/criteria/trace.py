@@ -18,7 +18,7 @@ from contact_curation.information.diagnostics import block_shares, dominance_war
 from contact_curation.information.pool import Pool
 from contact_curation.information.ranking import Selection, mean_over_particles, modular_selection
 from contact_curation.information.record import TossInformation
-from contact_curation.information.streaming import NO_CHANGE, Change, Seen, checked_top
+from contact_curation.information.streaming import Seen, checked_top
 
 NORMALISATIONS = ("sum", "mean", "coherent")
 
@@ -63,8 +63,8 @@ class TraceHeap:
         self._heap: list[_Member] = []
         self._seen = Seen()
 
-    def offer(self, info: TossInformation) -> Change:
-        """Look at one toss; say what changed.
+    def offer(self, info: TossInformation) -> None:
+        """Look at one toss.
 
         Raises:
             InvalidValueError: it was scored at another theta than the tosses before.
@@ -72,14 +72,11 @@ class TraceHeap:
         """
         member = _Member(toss_trace(info, self._normalisation), info)
         if not self._seen.is_new(info):
-            return NO_CHANGE
+            return
         if len(self._heap) < self._top:
             heappush(self._heap, member)
-            return Change(added=(info.toss_id,))
-        if not self._heap[0] < member:
-            return NO_CHANGE
-        evicted = heapreplace(self._heap, member)
-        return Change(added=(info.toss_id,), removed=(evicted.info.toss_id,))
+        elif self._heap[0] < member:
+            heapreplace(self._heap, member)
 
     @property
     def selected(self) -> tuple[TossInformation, ...]:

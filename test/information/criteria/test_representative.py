@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.criteria import expected_error, representative
+from contact_curation.information.criteria import expected_error, set_search
 from contact_curation.information.criteria.expected_error import CAUTION
 from contact_curation.information.criteria.representative import select_representative, swap_costs
 from contact_curation.information.pool import Pool, pool_of
@@ -47,7 +47,7 @@ def plain_selection(pool: Pool, top: int) -> list[int]:
         return picks
 
     kept = greedy(list(range(len(pool))))
-    for _ in range(representative.EXCHANGES):
+    for _ in range(set_search.EXCHANGES):
         for place in range(top):
             kept[place] = best(kept[:place] + kept[place + 1 :], list(range(len(pool))))
     return greedy(sorted(kept))
@@ -55,7 +55,7 @@ def plain_selection(pool: Pool, top: int) -> list[int]:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_it_picks_what_plain_loops_over_whole_matrices_pick(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(representative, "FIRST_BLOCK", 1)  # so that bounds decide what is looked at
+    monkeypatch.setattr(set_search, "FIRST_BLOCK", 1)  # so that bounds decide what is looked at
     pool = pool_of(with_scores(tosses(25, 5, 3, seed), 0.3, seed))
     found = select_representative([pool], [pool_subspace(pool).per_mean_toss(len(pool))], 5, PRIOR)
     assert found.order[:5].tolist() == plain_selection(pool, 5)
@@ -85,7 +85,7 @@ def test_exchanges_improve_what_greedy_picks_found(monkeypatch: pytest.MonkeyPat
         coordinates = [pool_subspace(pool).per_mean_toss(len(pool))]
         improved = select_representative([pool], coordinates, 5, PRIOR).order[:5].tolist()
         with monkeypatch.context() as patched:
-            patched.setattr(representative, "EXCHANGES", 0)
+            patched.setattr(set_search, "EXCHANGES", 0)
             greedy = select_representative([pool], coordinates, 5, PRIOR).order[:5].tolist()
         costs.append((plain_cost(pool, improved), plain_cost(pool, greedy)))
     assert all(one <= other * (1.0 + 1e-9) for one, other in costs)
@@ -108,7 +108,7 @@ def test_a_pool_that_is_seen_in_parts_gives_nearly_as_good_a_set() -> None:
 
 
 def test_steps_over_a_pool_that_is_seen_in_parts_reach_every_toss() -> None:
-    looks = representative._Looks(tosses=1000, top=3, largest_whole=100)
+    looks = set_search.Looks(tosses=1000, top=3, largest_whole=100)
     seen = [looks.at(step).tolist() for step in range(10)]
     assert {len(each) for each in seen} == {100}
     assert sorted(number for each in seen for number in each) == list(range(1000))
