@@ -388,7 +388,7 @@ def as_rows(name: str) -> list[Row]:
 
 def test_the_tables_of_rules_at_the_fit_are_those_of_the_stored_rows() -> None:
     page = pages_of(as_rows("criteria_at_fit"), as_rows("criteria_at_fit_differences"), "random")
-    assert page.strip() in (ROWS / "rules_at_the_fit.md").read_text()
+    assert page.strip() in (DOCS / "reference" / "rules_at_the_fit.md").read_text()
 
 
 def test_the_errors_of_rules_at_the_fit_are_means_of_the_stored_rows() -> None:
