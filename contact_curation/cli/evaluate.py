@@ -15,7 +15,7 @@ from contact_curation.cli.options.reading import (
     stages_of,
 )
 from contact_curation.cli.options.settings import add_fields, with_options
-from contact_curation.cli.options.types import PathEndingIn
+from contact_curation.cli.options.types import PathEndingIn, positive_integer
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.contact.loss_config import DEFAULT_LOSS
@@ -43,6 +43,12 @@ def add_options(parser: OneLineParser) -> None:
     group = parser.add_argument_group("which tosses it is evaluated on")
     add_held_out_option(group, "default: those that the checkpoint held out, or all if there are none")
     group.add_argument("--no-gate", action="store_true", help="evaluate on tosses that the quality checks would reject, too")
+    parser.add_argument(
+        "--more",
+        type=positive_integer,
+        metavar="K",
+        help="say how far K more throws like those that it learned from would change predictions (default: as many again)",
+    )
     output = parser.add_argument_group("output")
     output.add_argument(
         "--figure", type=PathEndingIn(".png"), metavar="FILE.png", help="figure of predicted and measured motions"
@@ -80,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         read = read_tosses(arguments.inputs, reading, advance=bar.advance)
     tosses = judging_tosses(read, arguments.held_out, models)
     warn(tosses.warnings)
-    found = evaluate_models(models, tosses, config, replace(stages["known"], loss=stages["loss"]), Progress)
+    found = evaluate_models(models, tosses, config, replace(stages["known"], loss=stages["loss"]), Progress, arguments.more)
     if arguments.figure:
         found.save_figure(arguments.figure)
     if arguments.json:

@@ -309,6 +309,7 @@ def evaluate(
     *,
     against: "LearnedModel | None" = None,
     held_out: str | None = None,
+    more: int | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> "Evaluation":
@@ -320,6 +321,8 @@ def evaluate(
         against: another model, which is evaluated on the same tosses and compared.
         held_out: tosses to evaluate on: numbers, a share, or a file of ids; None for those that the training held out, or
             all if it held out none.
+        more: number of further throws like those that an exact fit learned from; `more_throws` of the result predicts how far
+            they would change predicted motions. None for as many again.
         seed: random seed of the bootstrap.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
@@ -344,7 +347,8 @@ def evaluate(
     load_kernel()
     models = [model] if against is None else [model, against]
     judged = judging_tosses(_tosses(tosses, model.body), held_out, models)
-    return evaluate_models(models, judged, evaluation_config(bootstrap=BootstrapConfig(seed=seed)), progress=progress)
+    config = evaluation_config(bootstrap=BootstrapConfig(seed=seed))
+    return evaluate_models(models, judged, config, progress=progress, more=more)
 
 
 @says_what_to_install

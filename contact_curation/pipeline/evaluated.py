@@ -15,6 +15,7 @@ from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Inte
 from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
 from contact_curation.learning.evaluation.without_model import doubt, plain_errors
 from contact_curation.learning.uncertainty.bounce import Bounce
+from contact_curation.learning.uncertainty.more_throws import MoreThrows
 from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.learned_model import LearnedModel
@@ -73,6 +74,7 @@ class Evaluation:
         known: what is known of the first model's parameters; None where that cannot be said.
         why_not: why.
         bounce: restitution of the tosses that the first model was fitted to without one; None where that is not known.
+        more_throws: how far more throws would change the first model's predictions; None where that is not known.
         bootstrap: of the intervals.
     """
 
@@ -83,6 +85,7 @@ class Evaluation:
     known: Known | None
     why_not: str
     bounce: Bounce | None
+    more_throws: MoreThrows | None
     bootstrap: BootstrapConfig
 
     def summaries(self) -> dict[str, Summary]:
@@ -113,6 +116,7 @@ class Evaluation:
             "known": _json_known(self.known) if self.known else None,
             "known_why_not": self.why_not,
             "bounce": self.bounce._asdict() if self.bounce else None,
+            "more_throws": self.more_throws._asdict() if self.more_throws else None,
             "without_a_model": {
                 name: errors._asdict() for name, errors in plain_errors(self.evaluations[0], self.models[0].body).items()
             },
@@ -164,6 +168,8 @@ def _lines(report: Evaluation) -> Iterator[str]:
         yield from _known(report.known, at_optimum=report.models[0].at_optimum)
     else:
         yield report.why_not
+    if report.more_throws:
+        yield from ("", report.more_throws.in_words())
 
 
 def _summary(each: Summary, share: str) -> Iterator[str]:

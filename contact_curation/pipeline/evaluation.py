@@ -10,6 +10,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, split
 from contact_curation.learning.uncertainty.bounce import Bounce, bounce_of
+from contact_curation.learning.uncertainty.more_throws import MoreThrows, more_throws
 from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
@@ -34,6 +35,7 @@ def evaluate_models(
     config: EvaluationConfig,
     known_config: KnownConfig | None = None,
     progress: Progress = silent,
+    more: int | None = None,
 ) -> Evaluation:
     """Rolls models out along the evaluation tosses.
 
@@ -43,6 +45,7 @@ def evaluate_models(
         config: of the rollouts.
         known_config: of what is known of a polytope's parameters.
         progress: hears how far it is.
+        more: number of further throws whose effect is predicted; None for as many as the first model was fitted to.
 
     Raises:
         InvalidValueError: tosses of another body.
@@ -63,7 +66,10 @@ def evaluate_models(
     known_config = known_config or KnownConfig()
     what_is_known, why_not = _known(models[0], tosses, known_config)
     bounce = _bounce(models[0], tosses, known_config)
-    return Evaluation(tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, bounce, config.bootstrap)
+    change = _more(models[0], tosses, config, more)
+    return Evaluation(
+        tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, bounce, change, config.bootstrap
+    )
 
 
 def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedModel]) -> JudgingTosses:
@@ -139,6 +145,14 @@ def _bounce(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) ->
     if not judged.at_optimum or not tosses.fitted:
         return None
     return bounce_of(judged.model, transitions_of(tosses.fitted, judged.body.length_scale), config.loss)
+
+
+def _more(judged: LearnedModel, tosses: JudgingTosses, config: EvaluationConfig, throws: int | None) -> MoreThrows | None:
+    """The change by more throws like those to whose optimum a model was fitted."""
+    fitted = tosses.fitted or tuple(toss for toss in tosses.judged_by if toss.toss_id in judged.fitted_to)
+    if not judged.at_optimum or not fitted:
+        return None
+    return more_throws(judged.model, transitions_of(fitted, judged.body.length_scale), tosses.judged_by, config, throws)
 
 
 def _known(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:

@@ -1,5 +1,6 @@
 """Trains a model on the training tosses: configuration, run, and the trained model."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import isnan, nan
@@ -18,6 +19,8 @@ from contact_curation.errors import ContactCurationError, InvalidValueError, Unk
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoints.stored_model import notes_of_bytes
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig
 from contact_curation.learning.training.curated import CuratedTraining
 from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.objective import mean_loss
@@ -26,6 +29,7 @@ from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact, published
 from contact_curation.learning.training.reranking import RerankingConfig
 from contact_curation.learning.uncertainty.bounce import Bounce, bounce_of
+from contact_curation.learning.uncertainty.more_throws import MoreThrows, more_throws
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses
 from contact_curation.pipeline.learned_model import OPTIMUM, LearnedModel, model_of_checkpoint
@@ -215,6 +219,14 @@ class TrainingRun:
         """The restitution of the tosses, where the model was fitted to its optimum without one."""
         training = self.curated.training
         return bounce_of(training.trained(), training.data, self.plan.protocol.loss) if self._at_optimum else None
+
+    def more_throws(self) -> MoreThrows | None:
+        """How far as many throws again would change predicted motions, of the held-out tosses if there are any."""
+        training, plan = self.curated.training, self.plan
+        if not self._at_optimum:
+            return None
+        config = EvaluationConfig(plan.protocol.loss, bootstrap=BootstrapConfig(seed=plan.seed), threads=os.cpu_count() or 1)
+        return more_throws(training.trained(), training.data, plan.held_out or plan.tosses, config)
 
     def model(self) -> LearnedModel:
         """The model as it is now."""

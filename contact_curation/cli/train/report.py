@@ -7,6 +7,7 @@ from typing import Any
 from contact_curation.learning.checkpoints.selection_document import document_of
 from contact_curation.learning.training.reranking import Selected, Trigger
 from contact_curation.learning.uncertainty.bounce import Bounce
+from contact_curation.learning.uncertainty.more_throws import MoreThrows
 from contact_curation.pipeline.division import LearningTosses
 from contact_curation.pipeline.training import TrainingRun
 from contact_curation.pipeline.wording import counted_tosses
@@ -22,6 +23,7 @@ class TrainReport:
     Attributes:
         run: the training and its end.
         bounce: restitution of the tosses that the model lacks, or would lack; None where it has one, or none is known.
+        more_throws: how far as many throws again would change predicted motions; None where that is not known.
         tosses: tosses that it learned from.
         seconds: duration of this run [s].
         checkpoint: path of the checkpoint.
@@ -31,6 +33,7 @@ class TrainReport:
 
     run: TrainingRun
     bounce: Bounce | None
+    more_throws: MoreThrows | None
     tosses: LearningTosses
     seconds: float
     checkpoint: Path
@@ -53,6 +56,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "duplicates": [list(duplicate) for duplicate in report.tosses.duplicates],
         "rejected": dict(report.tosses.rejected),
         "bounce": report.bounce._asdict() if report.bounce else None,
+        "more_throws": report.more_throws._asdict() if report.more_throws else None,
         "selections": [document_of(one) for one in report.run.curated.selections],
         "seconds": report.seconds,
         "checkpoint": str(report.checkpoint),
@@ -81,6 +85,8 @@ def print_report(report: TrainReport) -> None:
     if report.bounce and report.bounce.missing:
         print(f"careful: {report.bounce.in_words()}")
     _print_selections(report.run.curated.selections)
+    if report.more_throws:
+        print(report.more_throws.in_words())
     print(f"checkpoint: {report.checkpoint}")
     print(f"metrics: {report.metrics}")
     print(f"next: {report.next_command}")

@@ -25,7 +25,7 @@ starts from its result with the actual sigma^2. (Training with small gradient st
 minima, but does not converge.)
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -132,13 +132,28 @@ def fit_held(
         model, steps = found.iterate.model, steps + found.steps
     for _ in range(config.renewals if model.form is Form.RIGID else 0):
         model = model.with_noise(noise_of_model(model, data, config.loss))
-        weights_now = transition_weights(model.geometry(), model.body, data.before, data.dt)
-        weights_now = np.ones(len(data.dt)) if weights_now is None else weights_now
-        noise = stages[-1] * _share(model, data, config.loss, weights_now)
-        held = replace(held, weights=weights_now, noise=noise, restitution_held=True)
+        held = weighted_sum(model, data, counts, config, (origin or start).geometry())
         found = descend(model, held.iterate, limits)
         model, steps = found.iterate.model, steps + found.steps
     return HeldFit(model, found.iterate.objective, steps)
+
+
+def weighted_sum(
+    model: PolytopeModel, data: Transitions, counts: Array, config: HeldFitConfig, origin: ContactGeometry
+) -> "HeldSum":
+    """The sum that a fit in the rigid form minimises last, with the weights that follow from a model's noise.
+
+    Args:
+        model: with a noise.
+        data: transitions of K tosses.
+        counts: (K,) how often each toss counts.
+        config: of the fit.
+        origin: theta_0.
+    """
+    weights = transition_weights(model.geometry(), model.body, data.before, data.dt)
+    weights = np.ones(len(data.dt)) if weights is None else weights
+    noise = config.noise[-1] * _share(model, data, config.loss, weights)
+    return HeldSum(data, counts, config, origin, noise, weights, restitution_held=True)
 
 
 def _share(model: PolytopeModel, data: Transitions, loss: LossConfig, weights: Array) -> float:

@@ -68,6 +68,12 @@ def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli
     assert done.json["state"] == "converged"
     assert done.json["held_out_loss_after"] < 0.1 * done.json["held_out_loss_before"]
     assert done.json["bounce"]["tosses"] == 5
+    assert done.json["more_throws"]["throws"] == 5
+    judged = cli("evaluate", tmp_path / "a.safetensors", folder)
+    of_evaluation = cli("evaluate", tmp_path / "a.safetensors", folder, "--json").json["more_throws"]
+    assert of_evaluation == done.json["more_throws"]
+    assert judged.out.splitlines()[-1].startswith(("5 more throws like these", "what more throws like these would change"))
+    assert cli("evaluate", tmp_path / "a.safetensors", folder, "--more", 2, "--json").json["more_throws"]["throws"] == 2
     refused = cli("train", folder, "--out", tmp_path / "b.safetensors", *how, "--model", "deep")
     assert refused.status == 1
     assert "model to train exactly: found a deep, expected a polytope in the physical or the rigid form" in refused.err
