@@ -12,7 +12,7 @@ import pytest
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.comparison.intervals import LEAST_SEEDS
 from contact_curation.experiments.comparison.page import pages_of
-from contact_curation.experiments.counterfactuals.correlations import correlations, table_of
+from contact_curation.experiments.counterfactuals.correlations import ALL_BODIES, correlations, table_of
 from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.table import read_refits
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
@@ -275,26 +275,6 @@ def test_the_tables_of_bodies_that_bounce_are_medians_of_their_rows() -> None:
     assert counted > 80
 
 
-def test_the_correlations_of_scores_with_outcomes_are_those_of_the_stored_table() -> None:
-    found = {(row["body"], row["size"], row["outcome"], row["score"]): row for row in rows("datamodeling_scores")}
-    counted = 0
-    for body, subsets, table in re.findall(
-        r"^`(\w+)`, (\d+) subsets of each size:\n\n(.*?)\n\n",
-        section("What foresees the error of a subset") + "\n",
-        re.DOTALL | re.MULTILINE,
-    ):
-        heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines())
-        for score, *cells in lines:
-            for (outcome, size), cell in zip((head.split(", ") for head in heads[1:]), cells, strict=True):
-                row = found[body, size, outcome, score]
-                assert row["subsets"] == subsets
-                numbers = [float(row[name]) for name in ("spearman", "low", "high")]
-                said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
-                assert said == pytest.approx(numbers, abs=0.0051), (body, score, outcome, size)
-                counted += 1
-    assert counted == 12 * 4 * len({row["body"] for row in rows("datamodeling_scores")})
-
-
 AGAINST = (
     "ours_position",
     "ours_rotation",
@@ -349,21 +329,19 @@ def test_the_means_over_bodies_are_those_of_the_stored_correlations() -> None:
     )
     assert table
     heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table[0].strip().splitlines())
-    assert len(lines) == 10
+    found = {(row["score"], row["outcome"]): row for row in rows("counterfactual_scores") if row["body"] == ALL_BODIES}
+    assert len(lines) == len({score for score, _ in found}) == 15
     for score, *cells in lines:
         for outcome, cell in zip(heads[1:], cells, strict=True):
-            own = [row for row in rows("datamodeling_scores") if (row["score"], row["outcome"]) == (score, outcome)]
-            assert len(own) == 8
-            mean = float(np.mean([float(row["spearman"]) for row in own]))
-            half = float(np.sqrt(sum((float(row["high"]) - float(row["low"])) ** 2 for row in own))) / (2.0 * len(own))
+            numbers = [float(found[score, outcome][name]) for name in ("spearman", "low", "high")]
             said = [float(number) for number in re.findall(r"-?[0-9.]+", cell)]
-            assert said == pytest.approx([mean, mean - half, mean + half], abs=0.0051), (score, outcome)
+            assert said == pytest.approx(numbers, abs=0.0051), (score, outcome)
 
 
 def test_the_tables_of_stored_refits_are_those_of_their_correlations() -> None:
-    page, text = page_of(as_rows("counterfactual_scores")), section("What foresees the error of a subset")
-    tables = [table.strip().removeprefix("`") for table in page.split("\n\n`")]
-    assert [table for table in tables if table not in text] == []
+    text = (DOCS / "reference" / "subsets.md").read_text()
+    for name in ("counterfactual_scores", "counterfactual_scores_near"):
+        assert page_of(as_rows(name)).strip() in text
 
 
 def test_the_stored_correlations_are_those_of_the_stored_refits() -> None:

@@ -111,8 +111,8 @@ def more_throws(
     places = np.linspace(0, len(tosses) - 1, min(len(tosses), ROLLED_OUT)).astype(int)
     rolled_out = [tosses[place] for place in places]
     changes = [motion_change(model, moved(model, step), rolled_out, config) for step in steps]
-    usual, most = np.quantile(changes, (USUAL, NEARLY_ALL), axis=0, method="higher")
-    return MoreThrows(throws, *usual.tolist(), *most.tolist(), ())
+    usual, most = np.quantile(changes, (USUAL, NEARLY_ALL), axis=0, method="higher").tolist()
+    return MoreThrows(throws, usual[0], usual[1], most[0], most[1], ())
 
 
 def toss_pulls(model: PolytopeModel, data: Transitions, config: HeldFitConfig) -> tuple[Array, tuple[str, ...]]:
