@@ -88,4 +88,4 @@ def test_a_history_that_failed_once_fails_no_more(shown: str) -> None:
 
 
 def test_after_any_history_the_buffer_is_what_rank_gives_and_nothing_is_lost() -> None:
-    try_histories(HISTORIES, "HISTORIES", 100)
+    try_histories(HISTORIES, "HISTORIES", 50)

@@ -240,6 +240,7 @@ def test_an_evaluation_is_that_of_the_command(
     assert "careful: " in str(mine)  # it is judged by tosses that it learned from
 
 
+@pytest.mark.slow
 def test_designed_throws_are_those_of_the_command(cli: Cli, golden_bag: Path, ranking: cc.RankedTosses, tmp_path: Path) -> None:
     ranking.save(tmp_path / "m.csv")
     words = ("--known", golden_bag, "--manifest", tmp_path / "m.csv", "--throws", 2, "--baseline", "prior")

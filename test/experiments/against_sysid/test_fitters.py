@@ -99,6 +99,7 @@ def test_what_is_no_box_is_said() -> None:
         FITTERS["sysid"](Task(replace(bench, body=odd), bench.training, 0, bounces=False), False)
 
 
+@pytest.mark.slow
 def test_a_fitter_that_fails_is_a_row_and_the_others_go_on(cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(task: Task, cold: bool) -> Learned:
         raise np.linalg.LinAlgError("no inverse")
