@@ -4,7 +4,7 @@ Bodies are those of `benchmarks.learning.starts`, many of whose corners rise by 
 boxes. They are thrown in our own simulation and tracked with the real rig's noise; the body as described is the true one. Last
 come the lines of the experiments' bodies, which are thrown in MuJoCo.
 
-    python -m benchmarks.learning.misfit_words [--bodies 20] [--tosses 16] [--restitutions 0 0.1 0.2 0.3]
+    python -m benchmarks.learning.misfit_words [--bodies 20] [--tosses 16] [--restitutions 0 0.1 0.2 0.3] [--draws 1]
 """
 
 import argparse
@@ -40,6 +40,7 @@ def main() -> int:
     parser.add_argument("--bodies", type=int, default=20)
     parser.add_argument("--tosses", type=int, default=16)
     parser.add_argument("--restitutions", nargs="+", type=float, default=[0.0, 0.1, 0.2, 0.3])
+    parser.add_argument("--draws", type=int, default=1, help="of tosses of each body (default 1)")
     arguments = parser.parse_args()
     for kind, make in (("random bodies", body_of), ("slender boxes", slender)):
         for restitution in arguments.restitutions:
@@ -47,9 +48,12 @@ def main() -> int:
             for number in range(arguments.bodies):
                 body = make(number)
                 geometry = replace(ContactGeometry.of_body(body).rigid(), restitution=restitution or None)
-                tosses = simulated_tosses(arguments.tosses, number, RIG_NOISE, body=body, geometry=geometry)
-                said += bool(bounce_in_words(tosses, body))
-            print(f"{kind}, restitution {restitution:g}: said of {said} of {arguments.bodies}", flush=True)
+                for draw in range(arguments.draws):
+                    seed = number + 1000 * draw
+                    tosses = simulated_tosses(arguments.tosses, seed, RIG_NOISE, body=body, geometry=geometry)
+                    said += bool(bounce_in_words(tosses, body))
+            of = arguments.bodies * arguments.draws
+            print(f"{kind}, restitution {restitution:g}: said of {said} of {of}", flush=True)
     for name in IN_MUJOCO:
         described, thrown = BODIES[name]()
         print(f"{name}, thrown in MuJoCo: {bounce_in_words(thrown[:MANY], described)}")

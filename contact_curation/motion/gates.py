@@ -253,9 +253,8 @@ def turn_gate(steps: Steps, bounds: GateBounds) -> str:
 def passing_pushes(steps: Steps, bounds: GateBounds) -> Array:
     """(T - 1,) the lesser of what contact gives upwards at the beginning and at the end of a step, without a median [m/s]."""
     rates = np.diff(steps.toss.positions[:, 2]) / steps.dt
-    pushes = _between_nothing(
-        rates[1:] - rates[:-1] + bounds.gravity * steps.dt[1:]
-    )  # (T,) at each frame; none is known at the ends
+    gained = rates[1:] - rates[:-1] + bounds.gravity * steps.dt[1:]
+    pushes = _between_nothing(gained)  # (T,) at each frame; none is known at the ends
     return np.maximum(np.minimum(pushes[:-1], pushes[1:]), 0.0)
 
 

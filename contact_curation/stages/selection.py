@@ -1,8 +1,8 @@
 """The scored tosses that a curator holds in memory: all of them, or a bounded number.
 
 `exact` keeps everything and ranks it all: the selected set is that of `contact-curation rank` on the same tosses. `streaming`
-keeps what one pass can, by criteria that can select in one pass: trace, exactly; representative and log-det by exchanges, which
-come out near `exact`. The prior of log-det comes from the first tosses.
+keeps what one pass can, by criteria that can select in one pass: trace, exactly; representative by a search among a bounded
+number of tosses, and log-det by exchanges, which come out near `exact`. The prior of log-det comes from the first tosses.
 """
 
 from typing import Protocol

@@ -34,10 +34,10 @@ def bounce_in_words(tosses: Sequence[Toss], body: Body) -> str:
     first, periods = np.stack([one[0] for one in states]), [toss.frame_period for toss in tosses]
     rigid = rollout(ContactGeometry.of_body(body).rigid(), body, first, [len(one) for one in states], periods)
     seen, without = rebounds(np.concatenate(states), rigid.starts, body), rebounds(rigid.states, rigid.starts, body)
-    if (
-        min(len(seen), len(without)) < FEWEST
-        or (share := float(np.median(seen))) - (own := float(np.median(without))) < BOUNCING
-    ):
+    if min(len(seen), len(without)) < FEWEST:
+        return ""
+    share, own = float(np.median(seen)), float(np.median(without))
+    if share - own < BOUNCING:
         return ""
     return (
         f"the body bounces: corners leave first impacts with {share:.2f} of their speed "
