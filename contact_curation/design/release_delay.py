@@ -31,6 +31,9 @@ RECENT = (2, 3)
 LEAST_SHARE = 0.5
 """Each of them shows at least this share of the change: one late release is none."""
 
+SURE = 0.95
+"""Probability that a gripper's jitter is at least `least_jitter`."""
+
 KEPT = 100
 """Delays that are remembered."""
 
@@ -81,22 +84,21 @@ class Delay:
         mean: delay [s].
         mean_sd: its standard deviation [s].
         jitter: standard deviation of single delays [s].
+        least_jitter: what the jitter is at least, with probability `SURE` [s].
         throws: number of releases that it follows from.
     """
 
     mean: float
     mean_sd: float
     jitter: float
+    least_jitter: float
     throws: int
-
-    @property
-    def next_sd(self) -> float:
-        """Standard deviation of the next delay about `mean` [s]."""
-        return float(np.hypot(self.jitter, self.mean_sd))
 
 
 def learned_delay(seen: tuple[Seen, ...], config: DelayConfig = DEFAULT_DELAY) -> Delay:
     """The delay that releases show, on top of what was assumed."""
+    from scipy.special import chdtri  # with scipy over half a second to import, which every node would pay
+
     delays, errors = np.array([one.delay for one in seen]), np.array([one.deviation for one in seen])
     mean, mean_sd, first = config.guess, config.guess_sd, NORMAL * config.jitter
     scale, count = first, config.jitter_weight + max(len(seen) - 1, 0)
@@ -108,7 +110,8 @@ def learned_delay(seen: tuple[Seen, ...], config: DelayConfig = DEFAULT_DELAY) -
         mean_sd = (1.0 / config.guess_sd**2 + (TAILS + 1.0) / (TAILS + 3.0) * (1.0 / spread).sum()) ** -0.5
         own = (scale**2 / spread) * weights * (delays - mean) ** 2
         scale = float(np.sqrt((config.jitter_weight * first**2 + own.sum()) / count))
-    return Delay(float(mean), float(mean_sd), scale / NORMAL, len(seen))
+    jitter = scale / NORMAL
+    return Delay(float(mean), float(mean_sd), jitter, jitter * float(np.sqrt(count / chdtri(count, 1.0 - SURE))), len(seen))
 
 
 def with_release(seen: tuple[Seen, ...], new: Seen, config: DelayConfig = DEFAULT_DELAY) -> tuple[tuple[Seen, ...], str]:
@@ -117,7 +120,7 @@ def with_release(seen: tuple[Seen, ...], new: Seen, config: DelayConfig = DEFAUL
     Returns:
         The delays that count from now on, and one line if the delay has changed; else nothing.
     """
-    from scipy.special import stdtrit  # with scipy over half a second to import, which every node would pay
+    from scipy.special import stdtrit
 
     every = (*seen, new)[-KEPT:]
     for count in RECENT:

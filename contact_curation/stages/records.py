@@ -18,6 +18,7 @@ from contact_curation.design.release_delay import Seen
 from contact_curation.design.throw import Throw, ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, write_atomically
+from contact_curation.stages.following import UNKNOWN_GAINS, JointGains
 
 FORMAT = 1
 """Version of the layout of all records."""
@@ -247,11 +248,13 @@ class GripperRecord:
     Attributes:
         seen: the gripper's delays that count, oldest first.
         lag: time by which the arm passed its last release later than planned [s].
+        joints: how far the arm's joints go, as shares of what they are told.
     """
 
     KEY: ClassVar = "gripper"
     seen: tuple[Seen, ...] = ()
     lag: float = 0.0
+    joints: JointGains = UNKNOWN_GAINS
 
 
 def kind_of_throw(exploration: str | None) -> ThrowKind:

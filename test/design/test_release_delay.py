@@ -25,7 +25,7 @@ def learned_in_turn(delays: tuple[Seen, ...], seen: tuple[Seen, ...] = ()) -> tu
 def test_before_the_first_throw_the_guess_counts() -> None:
     delay = learned_delay(())
     assert (delay.mean, delay.jitter, delay.throws) == (DEFAULT_DELAY.guess, DEFAULT_DELAY.jitter, 0)
-    assert delay.next_sd == pytest.approx(np.hypot(DEFAULT_DELAY.guess_sd, DEFAULT_DELAY.jitter))
+    assert delay.mean_sd == DEFAULT_DELAY.guess_sd
 
 
 def test_the_error_of_the_mean_is_as_large_as_is_said() -> None:
@@ -38,6 +38,14 @@ def test_the_error_of_the_mean_is_as_large_as_is_said() -> None:
 def test_a_regular_gripper_is_learned_from_few_throws() -> None:
     delay = learned_delay(drawn(0.05, 5, seed=1, jitter=0.001))
     assert delay.mean == pytest.approx(0.05, abs=0.002)
+
+
+def test_a_jitter_is_at_least_as_large_as_is_said_from_the_third_throw_on() -> None:
+    said = [learned_delay(drawn(0.05, 30, seed)[:count]).least_jitter for seed in range(40) for count in range(3, 31)]
+    assert np.mean(np.array(said) > JITTER) < 0.05
+    assert max(said) < 1.3 * JITTER
+    many = [learned_delay(drawn(0.05, 100, seed)).least_jitter for seed in range(10)]
+    assert min(many) > 0.7 * JITTER
 
 
 def test_a_gripper_that_sticks_once_moves_the_mean_by_less_than_its_error() -> None:

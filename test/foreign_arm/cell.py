@@ -4,8 +4,9 @@ MuJoCo has the arm of a URDF or MJCF file and a free cube over a board. The arm 
 
     q(t) = d(t - lag) + error * s * (d(t - lag) - home)
 
-with cubic Hermite polynomials d through their points, signs s, and an error of 1 %. The gripper opens at a normally distributed
-time after its command. The cube falls freely when it is let go, and lies where it comes to rest.
+with cubic Hermite polynomials d through their points, signs s, and an error of 1 %. The lag may differ from joint to joint. The
+gripper opens at a normally distributed time after its command. The cube falls freely when it is let go, and lies where it comes
+to rest.
 
 Faults: `slider` (the speed falls to 80 %), `abort` (the controller gives up), `silent` (joint states stop), `inactive` (so does
 the controller's state), `offset` (the second joint strays), `unseen` (the tracker loses the cube).
@@ -51,10 +52,10 @@ class Trajectory:
         self._spline = CubicHermiteSpline(times, positions, speeds)
         self._slope = self._spline.derivative()
 
-    def at(self, place: float) -> tuple[Array, Array]:
-        """Positions and speeds at a time on the trajectory."""
-        inside = float(np.clip(place, 0.0, self.last))
-        return self._spline(inside), self._slope(inside) * (inside == place)
+    def at(self, places: Array) -> tuple[Array, Array]:
+        """Positions and speeds of the joints, each at its time (J,) on the trajectory."""
+        inside = np.clip(places, 0.0, self.last)
+        return self._spline(inside).diagonal(), self._slope(inside).diagonal() * (inside == places)
 
 
 class Cell:
@@ -68,6 +69,7 @@ class Cell:
     Attributes:
         time: now [s].
         fault: what goes wrong now; empty for nothing.
+        uneven: (J,) how much later than others each joint is [s].
         delay, jitter: of the gripper [s].
         joints, joint_speeds: (J,) as measured [rad], [rad/s].
         delays: of the gripper in each throw [s].
@@ -91,7 +93,7 @@ class Cell:
         self.data.qpos[self._cube_place] = [0.2, 0.2, HALF_WIDTH, 1.0, 0.0, 0.0, 0.0]
         self._signs = self.rng.choice([-1.0, 1.0], len(self.names))
         self.time, self.lag, self.error, self.delay, self.jitter, self.fault = now, 0.02, 0.01, 0.05, 0.01, ""
-        self._strays = 0.0
+        self._strays, self.uneven = 0.0, np.zeros(len(self.names))
         self.trajectories: list[Trajectory] = []
         self.place = 0.0
         self.desired, self.rate = self.home.copy(), np.zeros(len(self.names))
@@ -112,7 +114,7 @@ class Cell:
         elif self.trajectories and self.time - self.lag >= self.trajectories[0].begin:
             self.place += self.speed * STEP
         if self.trajectories:
-            self.desired, rate = self.trajectories[0].at(self.place)
+            self.desired, rate = self.trajectories[0].at(self.place - self.uneven)
             self.rate = rate * self.speed
         self._settle()
 
@@ -132,7 +134,7 @@ class Cell:
         if not self.trajectories:
             return None
         goal, first = self.trajectories[-1].goal, self.trajectories[0]
-        followed = len(self.trajectories) == 1 and self.place > first.last
+        followed = len(self.trajectories) == 1 and self.place - self.uneven.max() > first.last
         if not followed and self.fault != "abort":
             return None
         self.trajectories, self.rate = [], np.zeros(len(self.names))  # it stands still

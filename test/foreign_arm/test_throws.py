@@ -9,8 +9,8 @@ from test.foreign_arm.throwing import FAULTS, Lab
 pytestmark = pytest.mark.slow
 
 THROWS = 6
-WITHIN = 0.05
-"""Error of the release speed: each joint is off by 1 % of its own, and joints that move against each other add up."""
+FIRST, WITHIN = 0.02, 0.002
+"""Error of the release speed in the first throw, in which each joint is off by 1 %, and after it."""
 
 
 @pytest.fixture(scope="module", params=FILES)
@@ -32,10 +32,12 @@ def test_releases_are_told_as_they_were_and_the_delay_is_learned(lab: Lab) -> No
             for velocity in (twist[:3], ending.executed.linear_velocity, throw(number).linear_velocity)
         )
         assert abs(told / speed - 1.0) < 0.02
-        assert abs(speed / wanted - 1.0) < WITHIN
+        assert abs(speed / wanted - 1.0) < (WITHIN if number else FIRST)
+        if number:
+            np.testing.assert_allclose(twist[:3], throw(number).linear_velocity, atol=0.005)
         assert max(lab.used().values()) <= 1.0
         lab.rest()
-    assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.012)  # errors of 1 % along the way look like lag, too
+    assert lab.stage.lag == pytest.approx(lab.cell.lag, abs=0.002)
     assert lab.stage.delay.mean == pytest.approx(lab.cell.delay, abs=0.01)
 
 

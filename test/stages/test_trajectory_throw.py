@@ -7,12 +7,27 @@ import numpy as np
 import pytest
 
 from contact_curation.design.release_delay import Seen
+from contact_curation.simulation.arm.path import JointPath
 from contact_curation.simulation.arm.throw_motion import STEP
+from contact_curation.stages.arm import Ending
+from contact_curation.stages.following import JointGains
 from contact_curation.stages.records import GripperRecord, record_bytes, record_of
 from contact_curation.stages.trajectory_throw import Sent, TrajectoryConfig
 from test.stages.trajectory_cell import JOINTS, LIMITS, RELEASE, THROW, VELOCITY, Cell
 
 LEARNED = GripperRecord(tuple(Seen(0.05 + 0.001 * (-1) ** k, 5e-4) for k in range(8)), 0.02)
+
+
+def speed_of(ending: Ending) -> float:
+    assert ending.executed is not None, ending.message
+    return float(np.linalg.norm(ending.executed.linear_velocity))
+
+
+def first_sent(cell: Cell) -> JointPath:
+    assert cell.stage.admits(THROW) is None
+    began = cell.stage.begin()
+    assert isinstance(began, Sent)
+    return began.path
 
 
 def test_the_body_leaves_at_the_planned_moment_once_the_delay_is_known() -> None:
@@ -49,9 +64,34 @@ def test_a_gripper_that_jitters_beyond_the_window_is_refused_once_that_is_known(
     wild = GripperRecord(tuple(Seen(0.05 + 0.03 * (-1) ** k, 5e-4) for k in range(8)))
     cell = Cell(record=wild)
     line = cell.throw().message
-    assert line.startswith("delay of the gripper: found it uncertain by")
+    assert line.startswith("jitter of the gripper: found at least 2")
     assert "expected at most 15.0 ms; raise steady.window" in line
     assert not cell.sent
+
+
+def test_few_throws_of_a_gripper_that_jitters_do_not_lock_the_arm() -> None:
+    few = GripperRecord(tuple(Seen(0.05 + 0.02 * (-1) ** k, 5e-4) for k in range(4)))
+    assert Cell(record=few).throw().success
+
+
+def test_joints_that_go_too_far_are_told_to_go_less_far_from_the_second_throw_on_and_after_a_restart() -> None:
+    cell = Cell(record=LEARNED)
+    cell.gain = 1.02
+    speeds = [speed_of(cell.throw()) for _ in range(3)]
+    again = Cell(record=record_of(GripperRecord, record_bytes(cell.stage.record), "test"))
+    again.gain = 1.02
+    speeds.append(speed_of(again.throw()))
+    np.testing.assert_allclose(speeds, np.linalg.norm(VELOCITY) * np.array([1.02, 1.0, 1.0, 1.0]), rtol=4e-3)
+    assert cell.stage.record.joints.gains[0] == pytest.approx(1.02, abs=2e-3)
+    np.testing.assert_allclose(cell.stage.record.joints.gains[1:], 1.0)
+
+
+def test_a_correction_that_would_pass_a_limit_is_not_made() -> None:
+    short = replace(LEARNED, joints=JointGains((0.96,) * JOINTS, (1e3,) * JOINTS))
+    fastest = np.abs(first_sent(Cell(record=LEARNED)).speeds).max()
+    for limit, share in ((fastest / 0.95, 1.0 / 0.96), (fastest / 0.97, 1.0)):
+        cell = Cell(record=short, limits=replace(LIMITS, speed=limit * np.ones(JOINTS)))
+        assert np.abs(first_sent(cell).speeds).max() == pytest.approx(share * fastest)
 
 
 def silent(cell: Cell) -> None:

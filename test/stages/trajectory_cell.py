@@ -58,18 +58,20 @@ class Cell:
         aborts: why the controller gives up; empty if it does not.
         silent: whether joint states have stopped.
         off: how far the second joint is off its path [rad].
+        gain: how far joints go, as a share of what they are told.
         misplaced: how far the body is off its place in the gripper [m].
         opened: when the gripper was told to open.
         sent: trajectories that the controller got.
     """
 
     def __init__(self, seed: int = 0, *, lag: float = 0.02, delay: float = 0.05, jitter: float = 0.0,
-                 config: TrajectoryConfig | None = None, record: GripperRecord | None = None) -> None:  # fmt: skip
+                 config: TrajectoryConfig | None = None, record: GripperRecord | None = None,
+                 limits: JointLimits = LIMITS) -> None:  # fmt: skip
         self.now, self.slider, self.aborts, self.silent, self.off, self.active = 100.0, 1.0, "", False, 0.0, True
-        self.lag, self.delay, self.jitter, self._rng = lag, delay, jitter, np.random.default_rng(seed)
+        self.gain, self.lag, self.delay, self.jitter, self._rng = 1.0, lag, delay, jitter, np.random.default_rng(seed)
         self.gate = SafetyGate(GateConfig(keep_out_radius=0.0))
         self.stage = TrajectoryThrow(
-            CONTACTNETS_CUBE, LIMITS, np.zeros(JOINTS), plan_of, way_home, self.gate, lambda: self.now,
+            CONTACTNETS_CUBE, limits, np.zeros(JOINTS), plan_of, way_home, self.gate, lambda: self.now,
             config or TrajectoryConfig(), 0.03, record=record,
         )  # fmt: skip
         self.sent: list[Sent] = []
@@ -151,7 +153,7 @@ class Cell:
         positions = begun[-1].path.positions
         row = float(np.clip((at - self.lag - begun[-1].begin) / STEP, 0.0, len(positions) - 1.0))
         first = min(int(row), len(positions) - 2)
-        joints: Array = positions[first] + (row - first) * (positions[first + 1] - positions[first])
+        joints: Array = self.gain * (positions[first] + (row - first) * (positions[first + 1] - positions[first]))
         joints[1] += self.off
         return joints
 

@@ -6,6 +6,8 @@ after its command (its delay, learned from tracked releases). So the command to 
 
     begin + planned release + lag - delay
 
+Joints that went too far in the throws before, or not far enough, are told to go less or more far.
+
 While the arm moves, joint states, controller and speed scaling are watched. If one is not as it must be, the arm is stopped on
 its path by slowing time down, the gate is disarmed until a person arms it again, and the gripper is not opened any more. Armed
 again, it can be asked to go home, slowly and straight in joint space. The release that is returned is the one that the tracker
@@ -37,12 +39,12 @@ from contact_curation.motion.release import DEFAULT_RELEASE, BodyShape, HandPath
 from contact_curation.simulation.arm.limits import JointLimits
 from contact_curation.simulation.arm.path import JointPath, stopped
 from contact_curation.simulation.arm.planned_throw import PlannedThrow
-from contact_curation.simulation.arm.safety import SafetyGate
+from contact_curation.simulation.arm.safety import SafetyGate, path_out_of_limits
 from contact_curation.simulation.arm.throw_motion import STEP
 from contact_curation.stages.arm import Ending
+from contact_curation.stages.following import UNKNOWN_GAINS, Following, following
 from contact_curation.stages.records import GripperRecord
 from contact_curation.stages.trajectory_throw.config import TrajectoryConfig
-from contact_curation.stages.trajectory_throw.following import Following, following
 from contact_curation.stages.trajectory_throw.signals import ArmSignals
 
 POINTS_EVERY = 8
@@ -137,24 +139,27 @@ class TrajectoryThrow:
     ) -> None:
         self.config, self.gate, self._now, self._window = config, gate, now, window
         self._shape = BodyShape(body.vertices, body.inertia, body.gravity)
-        self._limits, self._plan, self._homeward = limits, plan, homeward
+        self._limits, self._home, self._plan, self._homeward = limits, home, plan, homeward
         self.signals = ArmSignals(home, now, config)
         self._delay_config, self._release_config = delay, release
         self._seen: tuple[Seen, ...] = () if record is None else record.seen
         self._learned = learned_delay(self._seen, delay)
         self._lag = config.lag if record is None else min(record.lag, config.largest_lag)
+        self._gains = UNKNOWN_GAINS if record is None or len(record.joints.gains) != len(home) else record.joints
         self._order: Throw | Phase | None = None
         self._throw: PlannedThrow | None = None
         self._path: JointPath | None = None
+        self._told: JointPath | None = None
+        self._follows: Following | None = None
         self._opened: float | None = None
         self._done: str | None = None
         self._arming = 0
-        self._told = float("nan")
+        self._heard = float("nan")
         self._forget()
 
     def _forget(self) -> None:
         self._state = Phase.IDLE
-        self._throw = self._path = None
+        self._throw = self._path = self._told = self._follows = None
         self._begin = self._until = 0.0
         self._opened = self._done = None
         self._why = self._gripper_failure = ""
@@ -164,7 +169,7 @@ class TrajectoryThrow:
     @property
     def record(self) -> GripperRecord:
         """What was learned."""
-        return GripperRecord(self._seen, self._lag)
+        return GripperRecord(self._seen, self._lag, self._gains)
 
     @property
     def delay(self) -> Delay:
@@ -246,7 +251,7 @@ class TrajectoryThrow:
         path = self._homeward(last[1])
         if isinstance(path, str):
             return self._refused(path)
-        return self._sent(path, Phase.HOMEWARD)
+        return self._sent(path, path, Phase.HOMEWARD)
 
     def begin(self) -> Sent | Ending | None:
         """Plans the goal that was taken.
@@ -286,24 +291,24 @@ class TrajectoryThrow:
         if early > 0.0:
             line = f"delay of the gripper: found it {1e3 * early:.0f} ms longer than the swing, expected it shorter"
             return self._refused(f"{line}; raise trajectory.lead")
-        return self._sent(plan.path, Phase.MOVING)
+        told = self._gains.told(plan.path, self._home)
+        return self._sent(plan.path, plan.path if path_out_of_limits(told, self._limits) else told, Phase.MOVING)
 
-    def _sent(self, path: JointPath, state: Phase) -> Sent | Ending:
+    def _sent(self, path: JointPath, told: JointPath, state: Phase) -> Sent | Ending:
         if self.gate.arming != self._arming:
             return self._refused(f"stopped before it began: {self.gate.reason or 'armed again since'}")
-        self._path, self._state, self._begin = path, state, self._now() + self.config.lead
+        self._path, self._told, self._state, self._begin = path, told, state, self._now() + self.config.lead
         self._until = self._begin + (len(path) - 1) * STEP + self.config.patience
-        return Sent(self._begin, path)
+        return Sent(self._begin, told)
 
     def _refused(self, why: str) -> Ending:
         self._forget()
         return Ending(False, why)
 
     def _too_uncertain(self) -> str | None:
-        delay, window = self.delay, self._window
-        if delay.throws >= self.config.learning and 2.0 * delay.next_sd > window:
-            found = f"{1e3 * delay.next_sd:.1f} ms (standard deviation)"
-            line = f"delay of the gripper: found it uncertain by {found}, expected at most {0.5e3 * window:.1f} ms"
+        least, most = self.delay.least_jitter, 0.5 * self._window
+        if self.delay.throws >= self.config.learning and least > most:
+            line = f"jitter of the gripper: found at least {1e3 * least:.1f} ms, expected at most {1e3 * most:.1f} ms"
             return f"{line}; raise steady.window, or mend the gripper and remove the file of the parameter state"
         return None
 
@@ -354,25 +359,27 @@ class TrajectoryThrow:
         if found.error > allowed:
             return f"joint {found.joint}: found it {found.error:.3f} rad from its path, expected at most {allowed:g}"
         if self._opened is None and self._throw is not None:
-            self._lag = found.lag
+            self._lag, self._follows = found.lag, found
         return ""
 
     def _following(self) -> Following | None:
         """How the arm follows its path so far; None where nothing was seen since the last call."""
         assert self._path is not None
+        assert self._told is not None
         known = self.signals.joints
-        if not known or known[-1][0] == self._told:
+        if not known or known[-1][0] == self._heard:
             return None
-        self._told = known[-1][0]
+        self._heard = known[-1][0]
         states = [(stamp, joints) for stamp, joints in known if stamp >= max(self._begin, known[-1][0] - RECENT)]
         if len(states) < FEWEST_STATES:
             return None
         times = np.array([stamp for stamp, _ in states]) - self._begin
-        return following(self._path, times, np.array([one for _, one in states]), self._lag, self.config.largest_lag)
+        positions = np.array([one for _, one in states])
+        return following(self._path, self._told, self._home, times, positions, self._lag, self.config.largest_lag)
 
     def _stopped(self, now: float, why: str, *, latches: bool = True) -> Step:
         """Stops the arm on its path, or leaves it where the controller left it."""
-        assert self._path is not None
+        assert self._told is not None
         if latches:
             self.gate.stop(why)
         self._state, self._why = Phase.STOPPING, why
@@ -380,7 +387,7 @@ class TrajectoryThrow:
             self._until = now + self.config.patience
             return Step()
         at = now + self.config.stop_lead
-        path = stopped(self._path, self._progress(at), STEP, self._limits.acceleration)
+        path = stopped(self._told, self._progress(at), STEP, self._limits.acceleration)
         self._stop_sent = True
         self._until = at + len(path) * STEP + self.config.patience
         return Step(stop=Sent(at, path))
@@ -443,6 +450,8 @@ class TrajectoryThrow:
             return fall
         self._seen, changed = with_release(self._seen, Seen(fall.time - opened, fall.time_sd), self._delay_config)
         self._learned = learned_delay(self._seen, self._delay_config)
+        if self._follows is not None:
+            self._gains = self._gains.after(self._follows)
         throw = plan.throw
         executed = throw_of_state(throw.throw_id, throw.body, fall.state, throw.expected_information, throw.parameters_version)
         late = 1e3 * (fall.time - expected)
