@@ -98,7 +98,8 @@ def report_throws(lab: Lab, throws: tuple[Throw, ...]) -> None:
     print(f"    throws made: {len(speeds)} of {len(throws)}")
     print(f"    gripper's delay [ms]: learned {1e3 * delay.mean:.1f}, drawn {drawn.mean():.1f} on average, "
           f"set {1e3 * lab.cell.delay:.0f}; jitter: learned {1e3 * delay.jitter:.1f}, drawn {drawn.std():.1f}")  # fmt: skip
-    print(f"    release speed against the goal's [%]: {percentiles(speeds)}; within 2 %: {sum(np.abs(speeds) <= 2.0)}")
+    print(f"    release speed against the goal's [%]: {percentiles(speeds)}; within 2 %: {sum(np.abs(speeds) <= 2.0)}; "
+          f"first {speeds[0]:.2f}, largest after it {np.abs(speeds[1:]).max():.2f}")  # fmt: skip
     print(f"    size of the velocity's error against the goal's speed [%]: {percentiles(velocities)}; "
           f"of the first throw {velocities[0]:.2f}")  # fmt: skip
     print(f"    release as told against the true one: speed [%] {percentiles(told)}; moment [ms] {percentiles(moments)}")
