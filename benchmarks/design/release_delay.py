@@ -5,6 +5,9 @@
 The gripper opens 60 ms after its command, with a jitter of 10 ms (standard deviation). The hand's place, velocity and
 acceleration are off by 2 mm, 0.01 m/s and 0.2 m/s^2. The noise of the tracker is given in metres; its orientations scatter by
 that over 50 mm.
+
+Then grippers of several jitters are learned from drawn delays: in how many the jitter is at least `MOST` for certain after any
+of 3 to 30 throws, for which further throws are refused.
 """
 
 import argparse
@@ -14,6 +17,21 @@ import numpy as np
 from contact_curation.design.release_delay import Seen, learned_delay, with_release
 from contact_curation.motion.release import Fall
 from test.motion.release.hand import COMMANDED, thrown
+
+GRIPPERS, JITTERS, MOST = 200, (0.008, 0.01, 0.012, 0.015, 0.02, 0.03), 0.015
+"""How many, their jitters [s], and the largest that half of the default steady window allows [s]."""
+
+LEARNING, THROWS = 3, 30
+
+
+def ever_refused(jitter: float, seed: int) -> bool:
+    """Whether any of its throws is."""
+    seen: tuple[Seen, ...] = ()
+    for delay in 0.06 + jitter * np.random.default_rng([seed, 5]).standard_normal(THROWS):
+        seen, _ = with_release(seen, Seen(max(float(delay), 1e-3), 5e-4))
+        if len(seen) >= LEARNING and learned_delay(seen).least_jitter > MOST:
+            return True
+    return False
 
 
 def main() -> None:
@@ -45,6 +63,9 @@ def main() -> None:
           f"of the spin [rad/s]: median {np.median(spins):.3f}, largest {max(spins):.3f}")  # fmt: skip
     print(f"delay [ms]: learned {1e3 * delay.mean:.1f} +- {1e3 * delay.mean_sd:.1f}, drawn {true.mean():.1f} on average; "
           f"jitter: learned {1e3 * delay.jitter:.1f}, drawn {true.std():.1f}; changes reported: {changes}")  # fmt: skip
+    for jitter in JITTERS:
+        refused = sum(ever_refused(jitter, seed) for seed in range(GRIPPERS))
+        print(f"jitter of {1e3 * jitter:.0f} ms: {refused} of {GRIPPERS} grippers refused in {THROWS} throws")
 
 
 if __name__ == "__main__":
