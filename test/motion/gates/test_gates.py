@@ -154,8 +154,9 @@ def bounced(restitution: float, lost: list[int], *, restored: bool = False) -> T
         steps += lost_frames(positions, orientations, PERIOD, scale_of(CUBE).reach, CUBE.gravity)
     stamps = PERIOD_NS * np.append(0, np.cumsum(steps))
     rates = kinematics(stamps, positions, orientations)
-    fields = (stamps, positions, orientations, rates.linear_velocities, rates.angular_velocities)
-    return Toss("t", "cube", "s", PERIOD, *(field[1:] for field in fields))  # the first velocity is only the second, repeated
+    seen = slice(1, None)  # the first velocity is only the second, repeated
+    velocities, spins = rates.linear_velocities[seen], rates.angular_velocities[seen]
+    return Toss("t", "cube", "s", PERIOD, stamps[seen], positions[seen], orientations[seen], velocities, spins)
 
 
 @pytest.mark.parametrize("restitution", [0.5, 0.7, 0.9])
