@@ -9,7 +9,8 @@ An impact between two flights takes no time, so that both are at one pose when i
 frame of one flight and the first of the next, n of them stamped, the distance between both is taken at the moment at which
 they are nearest, position and the body's reach times the turn. k frames are lost where that distance is within the noise for k
 alone, and clearly not for any other number; and every frame in between lies on one of the flights, at a whole number of
-periods. What several impacts in a row, or a sliding body, leave open stays as it is.
+periods. What several impacts in a row, or a sliding body, leave open stays as it is. Where a flight is shorter than SIDE, four
+frames of it do that lie on it as exactly as the tracker measures.
 """
 
 from itertools import pairwise
@@ -24,6 +25,9 @@ from contact_curation.motion.pose_noise import RIG_NOISE
 
 SIDE, FEWEST = 0.032, 5
 """[s] So long a part of a flight is looked at on either side, and so many frames at least."""
+
+SHORT, EXACT = 4, 5.0 * RIG_NOISE
+"""Frames of a short part of a flight, and its largest misfit [m]: over so few gravity cannot be seen, but the noise can."""
 
 FALLS = 0.4
 """Of gravity: what a parabola through these frames may differ from it; what slides has none."""
@@ -77,10 +81,10 @@ def lost_frames(positions: Array, orientations_wxyz: Array, period: float, reach
     side = max(round(SIDE / period), FEWEST) if period > 0.0 else len(positions)
     poses = _Poses(positions, orientations_wxyz, reach, np.array([0.0, 0.0, -gravity * period**2]), side)
     lost, told = np.zeros(max(len(positions) - 1, 0), dtype=np.int64), 0
-    if len(positions) < 2 * side:
+    if len(positions) < 2 * SHORT:
         return lost
     for last in (np.flatnonzero(poses.kinks() > 0.5 * SLOWEST) + 1).tolist():
-        if last < max(told, side - 1) or last >= len(positions) - side:
+        if last < max(told, SHORT - 1) or last >= len(positions) - SHORT:
             continue
         found = poses.junction(last)
         lost[last : last + len(found)] = found
@@ -103,19 +107,36 @@ class _Poses(NamedTuple):
         steps = np.hstack([np.diff(self.positions, axis=0), self.reach * quaternions.log(turns)])
         return np.asarray(np.linalg.norm(np.diff(steps, axis=0) - np.concatenate([self.fall, np.zeros(3)]), axis=1))
 
-    def flight(self, first: int, anchor: int) -> _Flight:
-        """Through the frames from `first` on, told from frame `anchor`; misfit is infinite where they do not fall."""
-        frames = slice(first, first + self.side)
-        times = np.arange(first, first + self.side) - anchor
+    def flight_to(self, last: int) -> _Flight | None:
+        """The longer part of a flight that ends at a frame, else the short one; None where it does not fly."""
+        return self._flight((last - self.side + 1, self.side), (last - SHORT + 1, SHORT), last)
+
+    def flight_from(self, first: int) -> _Flight | None:
+        """Likewise of the one that begins at a frame."""
+        return self._flight((first, self.side), (first, SHORT), first)
+
+    def _flight(self, long: tuple[int, int], short: tuple[int, int], anchor: int) -> _Flight | None:
+        for (first, count), most in ((long, FLIES), (short, EXACT)):
+            if first >= 0 and first + count <= len(self.positions):
+                flight = self._fitted(first, count, anchor)
+                if flight.misfit <= most:
+                    return flight
+        return None
+
+    def _fitted(self, first: int, count: int, anchor: int) -> _Flight:
+        """Through `count` frames, told from frame `anchor`; misfit is infinite where many do not fall."""
+        frames = slice(first, first + count)
+        times = np.arange(first, first + count) - anchor
         turns = self._turns(anchor, frames)
         rows = np.hstack([self.positions[frames] - 0.5 * np.outer(times**2, self.fall), turns])
-        powers = np.stack([np.ones(self.side), times], axis=1)
+        powers = np.stack([np.ones(count), times], axis=1)
         (start, rate), *_ = np.linalg.lstsq(powers, rows, rcond=None)
         off = (rows - powers @ np.stack([start, rate])) * np.repeat([1.0, self.reach], 3)
         turned = quaternions.multiply(self.orientations_wxyz[anchor], quaternions.exp(start[3:]))
-        bend = 2.0 * np.polyfit(times, self.positions[frames, 2], 2)[0]
-        falls = abs(bend - self.fall[2]) <= FALLS * abs(self.fall[2])
-        misfit = float(np.sqrt(np.mean(off**2))) if falls else np.inf
+        misfit = float(np.sqrt(np.mean(off**2)))
+        if count > SHORT:
+            bend = 2.0 * np.polyfit(times, self.positions[frames, 2], 2)[0]
+            misfit = misfit if abs(bend - self.fall[2]) <= FALLS * abs(self.fall[2]) else np.inf
         return _Flight(start[:3], rate[:3], turned, rate[3:], self.fall, misfit)
 
     def _turns(self, anchor: int, frames: slice) -> Array:
@@ -132,15 +153,14 @@ class _Poses(NamedTuple):
 
     def junction(self, last: int) -> list[int]:
         """Frames lost in the steps from frame `last`, where a flight ends, to where the next begins; empty if none is told."""
-        before = self.flight(last - self.side + 1, last)
-        speed = np.linalg.norm(np.append(before.velocity, self.reach * before.turn))
-        if before.misfit > FLIES or speed < SLOWEST:
+        before = self.flight_to(last)
+        if before is None or np.linalg.norm(np.append(before.velocity, self.reach * before.turn)) < SLOWEST:
             return []
         if self.distances(last + 1, before, np.ones(1))[0] < LEAVES * max(before.misfit, RIG_NOISE):
             return []
-        for first in range(last + 1, min(last + 2 + BETWEEN, len(self.positions) - self.side + 1)):
-            after = self.flight(first, first)
-            if after.misfit <= FLIES:
+        for first in range(last + 1, min(last + 2 + BETWEEN, len(self.positions) - SHORT + 1)):
+            after = self.flight_from(first)
+            if after is not None:
                 return self._lost_between(last, before, first, after)
         return []
 

@@ -26,6 +26,7 @@ from contact_curation.motion.gates import (
 from contact_curation.motion.pose_noise import RIG, RIG_TURN, TrackerScale
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.smoothing import kinematics
+from contact_curation.motion.survey.lost_frames import lost_frames
 from contact_curation.motion.toss import Toss
 from test.motion.faults import contaminated, with_outliers
 from test.motion.streams import CUBE, PERIOD_NS, noisy, stream
@@ -139,6 +140,43 @@ def test_each_kind_of_fault_has_its_own_reason(toss: Toss, reason: str) -> None:
 )
 def test_what_is_just_inside_the_bounds_passes(toss: Toss) -> None:
     assert inspect(toss, CUBE, CONFIG) == ()
+
+
+def bounced(restitution: float, lost: list[int], *, restored: bool = False) -> Toss:
+    """A cube falls flat, and bounces between frames 20 and 21; without some frames, whose stamps are closed up or restored."""
+    frames = np.setdiff1d(np.arange(32), lost)
+    times = PERIOD * (frames - 20.4)[:, np.newaxis]
+    velocities = np.where(times < 0.0, [0.6, 0.0, -2.0], [0.4, 0.0, 2.0 * restitution])
+    positions = [0.0, 0.0, 0.0524] + velocities * times - 0.5 * 9.81 * times**2 * [0.0, 0.0, 1.0]
+    orientations = quaternions.exp(np.maximum(times, 0.0) * [0.0, 8.0, 0.0])
+    steps = np.ones(len(frames) - 1, dtype=np.int64)
+    if restored:
+        steps += lost_frames(positions, orientations, PERIOD, scale_of(CUBE).reach, CUBE.gravity)
+    stamps = PERIOD_NS * np.append(0, np.cumsum(steps))
+    rates = kinematics(stamps, positions, orientations)
+    seen = slice(1, None)  # the first velocity is only the second, repeated
+    velocities, spins = rates.linear_velocities[seen], rates.angular_velocities[seen]
+    return Toss("t", "cube", "s", PERIOD, stamps[seen], positions[seen], orientations[seen], velocities, spins)
+
+
+@pytest.mark.parametrize("restitution", [0.5, 0.7, 0.9])
+def test_a_bounce_passes(restitution: float) -> None:
+    assert inspect(bounced(restitution, []), CUBE, CONFIG) == ()
+
+
+@pytest.mark.parametrize("lost", [[4], [20], [21], [20, 21]])
+@pytest.mark.parametrize("restitution", [0.7, 0.9])
+def test_a_bounce_that_lacks_frames_passes_only_once_its_stamps_are_restored(restitution: float, lost: list[int]) -> None:
+    assert inspect(bounced(restitution, lost), CUBE, CONFIG)
+    assert inspect(bounced(restitution, lost, restored=True), CUBE, replace(CONFIG, largest_gap=4.0)) == ()
+
+
+def test_a_body_that_bounces_off_a_wall_is_rejected() -> None:
+    sliding = falling(
+        positions=np.tile([0.0, 0.0, 0.0524], (4, 1)),
+        linear_velocities=np.array([[-0.4, 0.0, 0.0], [-0.4, 0.0, 0.0], [0.2, 0.0, 0.0], [0.2, 0.0, 0.0]]),
+    )
+    assert cone_gate(steps_of(sliding, CUBE, BOUNDS), BOUNDS).startswith("impulse outside the friction cone: found 0.5669 m/s")
 
 
 def twisted(spin: float, push: float = 0.0, late: int = 0) -> Toss:

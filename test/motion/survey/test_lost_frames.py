@@ -54,6 +54,15 @@ def test_frames_lost_at_an_impact_are_told(without: list[int]) -> None:
     assert found(bounced([25.4]), without) == {without[0] - 1: len(without)}
 
 
+@pytest.mark.parametrize("without", [[26], [25, 26]])
+def test_a_flight_of_few_frames_between_two_impacts_is_enough(without: list[int]) -> None:
+    assert found(bounced([25.4, 32.7]), without) == {without[0] - 1: len(without)}
+
+
+def test_a_frame_lost_soon_after_the_release_is_told() -> None:
+    assert found(bounced([40.4]), [5]) == {4: 1}
+
+
 def test_two_impacts_in_a_row_leave_it_open() -> None:
     assert found(bounced([25.4, 27.7]), [26]) == {}
 
