@@ -13,6 +13,7 @@ periods. What several impacts in a row, or a sliding body, leave open stays as i
 frames of it do that lie on it as exactly as the tracker measures.
 """
 
+from functools import cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -92,6 +93,13 @@ def lost_frames(positions: Array, orientations_wxyz: Array, period: float, reach
     return lost
 
 
+@cache
+def _least_squares(count: int, first: int) -> tuple[Array, Array]:
+    """(2, count) to the line and (count,) to the second derivative of the parabola through values at `first`, `first` + 1..."""
+    times = np.arange(first, first + count, dtype=float)
+    return np.linalg.pinv(np.stack([np.ones(count), times], axis=1)), 2.0 * np.linalg.pinv(np.vander(times, 3))[0]
+
+
 class _Poses(NamedTuple):
     """T poses in steps of one period."""
 
@@ -129,14 +137,14 @@ class _Poses(NamedTuple):
         times = np.arange(first, first + count) - anchor
         turns = self._turns(anchor, frames)
         rows = np.hstack([self.positions[frames] - 0.5 * np.outer(times**2, self.fall), turns])
-        powers = np.stack([np.ones(count), times], axis=1)
-        (start, rate), *_ = np.linalg.lstsq(powers, rows, rcond=None)
-        off = (rows - powers @ np.stack([start, rate])) * np.repeat([1.0, self.reach], 3)
+        line, bends = _least_squares(count, first - anchor)
+        start, rate = line @ rows
+        off = rows - (start + times[:, np.newaxis] * rate)
+        off[:, 3:] *= self.reach
         turned = quaternions.multiply(self.orientations_wxyz[anchor], quaternions.exp(start[3:]))
         misfit = float(np.sqrt(np.mean(off**2)))
-        if count > SHORT:
-            bend = 2.0 * np.polyfit(times, self.positions[frames, 2], 2)[0]
-            misfit = misfit if abs(bend - self.fall[2]) <= FALLS * abs(self.fall[2]) else np.inf
+        if count > SHORT and abs(bends @ self.positions[frames, 2] - self.fall[2]) > FALLS * abs(self.fall[2]):
+            misfit = np.inf
         return _Flight(start[:3], rate[:3], turned, rate[3:], self.fall, misfit)
 
     def _turns(self, anchor: int, frames: slice) -> Array:
@@ -165,6 +173,8 @@ class _Poses(NamedTuple):
         return []
 
     def _lost_between(self, last: int, before: _Flight, first: int, after: _Flight) -> list[int]:
+        if self._meeting(before, after, first - last)[0] <= MEETS:
+            return [0] * (first - last)  # as it is where frames are lost, or nobody can tell: most impacts end here
         spans = first - last + np.arange(MOST + 1)
         nearest = [self._meeting(before, after, int(span)) for span in spans]
         distances = np.array([distance for distance, _ in nearest])
