@@ -68,6 +68,14 @@ class Loop:
         """Throws that were made."""
         return made(self.graph.folder)
 
+    def last_reports(self) -> list[ThrowReport]:
+        """The last one of each throw."""
+        return list({report.throw_command.throw_id: report for report in self.reports}.values())
+
+    def last_states(self) -> list[str]:
+        """Of them."""
+        return [str(report.state) for report in self.last_reports()]
+
     def until_made(self, throws: int) -> None:
         """Waits until so many throws were made and the last one's toss was scored."""
         self.graph.until(
@@ -92,9 +100,8 @@ def test_each_throw_of_the_arm_gets_its_toss_and_a_gain_like_the_planned_one(gra
     assert all(planned > 0.0 for planned, _ in gains)
     assert 0.3 < sum(realised for _, realised in gains) / sum(planned for planned, _ in gains) < 3.0, gains
     assert gains[-1][0] < 0.7 * gains[0][0]  # what is known is not gained again
-    last = {report.throw_command.throw_id: report for report in loop.reports}
-    graph.until(lambda: all(report.state == "scored" for report in last.values()), LONG, "reports of all throws")
-    assert not any(math.isnan(report.realised_gain) for report in last.values())
+    graph.until(lambda: loop.last_states() == ["scored"] * THROWS, LONG, "reports of all throws")
+    assert not any(math.isnan(report.realised_gain) for report in loop.last_reports())
 
 
 def test_a_designer_that_is_killed_in_mid_throw_goes_on_and_no_toss_is_given_to_two_throws(graph: Graph) -> None:
