@@ -18,7 +18,7 @@ from contact_curation.design.release_delay import Seen
 from contact_curation.design.throw import Throw, ThrowKind, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, write_atomically
-from contact_curation.stages.following import UNKNOWN_GAINS, JointGains
+from contact_curation.stages.joint_gains import UNKNOWN_GAINS, JointGains
 
 FORMAT = 1
 """Version of the layout of all records."""

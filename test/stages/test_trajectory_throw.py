@@ -10,7 +10,7 @@ from contact_curation.design.release_delay import Seen
 from contact_curation.simulation.arm.path import JointPath
 from contact_curation.simulation.arm.throw_motion import STEP
 from contact_curation.stages.arm import Ending
-from contact_curation.stages.following import JointGains
+from contact_curation.stages.joint_gains import JointGains
 from contact_curation.stages.records import GripperRecord, record_bytes, record_of
 from contact_curation.stages.trajectory_throw import Sent, TrajectoryConfig
 from test.stages.trajectory_cell import JOINTS, LIMITS, RELEASE, THROW, VELOCITY, Cell

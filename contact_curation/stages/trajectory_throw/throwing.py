@@ -42,7 +42,8 @@ from contact_curation.simulation.arm.planned_throw import PlannedThrow
 from contact_curation.simulation.arm.safety import SafetyGate, path_out_of_limits
 from contact_curation.simulation.arm.throw_motion import STEP
 from contact_curation.stages.arm import Ending
-from contact_curation.stages.following import UNKNOWN_GAINS, Following, following
+from contact_curation.stages.following import following
+from contact_curation.stages.joint_gains import UNKNOWN_GAINS, Following
 from contact_curation.stages.records import GripperRecord
 from contact_curation.stages.trajectory_throw.config import TrajectoryConfig
 from contact_curation.stages.trajectory_throw.signals import ArmSignals
