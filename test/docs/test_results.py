@@ -310,10 +310,10 @@ def test_the_differences_to_system_identification_are_those_of_the_stored_table(
     names = ("body", "rule", "minus", "measure")
     found = {(float(row["size"]), *(row[name] for name in names)): row for row in rows("against_sysid_differences")}
     text, counted = section("Against system identification with MuJoCo") + "\n", 0
-    for table in re.findall(r"^\| body \| tosses \| less \|.*?\n\n", text, re.DOTALL | re.MULTILINE):
+    for table in re.findall(r"^\| body \| tosses \| begun \|.*?\n\n", text, re.DOTALL | re.MULTILINE):
         for line in table.strip().splitlines()[2:]:
-            body, size, pair, *cells = (cell.strip() for cell in line.strip("|").split("|"))
-            rule, minus = pair.split(" less ")
+            body, size, begun, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+            rule, minus = {"described": ("sysid", "ours"), "random": ("sysid-cold", "ours-cold")}[begun]
             for measure, cell in zip(AGAINST, cells, strict=False):
                 row = found[float(size), body, rule, minus, measure]
                 said = [float(number) for number in re.findall(r"[+-]?[0-9.]+", cell)]
