@@ -369,6 +369,28 @@ def test_the_tables_of_rules_at_the_fit_are_those_of_the_stored_rows() -> None:
     assert page.strip() in (DOCS / "reference" / "rules_at_the_fit.md").read_text()
 
 
+def test_the_tables_of_rules_of_the_literature_are_those_of_the_stored_rows() -> None:
+    page = pages_of(as_rows("literature/means"), as_rows("literature/differences"), "random")
+    assert page.strip() in (DOCS / "reference" / "rules_of_the_literature.md").read_text()
+
+
+def test_so_many_differences_of_rules_of_the_literature_are_certain() -> None:
+    text, found = section("Which sets are best with the right noise and one geometry"), rows("literature/differences")
+    table = re.search(r"^\| rule \| better than random.*?\n\n", text + "\n", re.DOTALL | re.MULTILINE)
+    assert table
+    _, _, *lines = table[0].strip().splitlines()
+    for line in lines:
+        rule, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+        for (minus, sign), numbers in zip(
+            (("random", -1.0), ("random", 1.0), ("representative", 1.0)), (cells[0:2], cells[2:4], cells[4:6]), strict=True
+        ):
+            for size, number in zip((4.0, 8.0), numbers, strict=True):
+                own = [row for row in found if (row["rule"], row["minus"], float(row["size"])) == (rule, minus, size)]
+                certain = sum(min(sign * float(row["low"]), sign * float(row["high"])) > 0.0 for row in own)
+                assert (str(certain) if own else "") == number, (line, minus, size)
+    assert len(lines) == 6
+
+
 def test_the_errors_of_rules_at_the_fit_are_means_of_the_stored_rows() -> None:
     text, found = section("Which sets are best with the right noise and one geometry"), rows("criteria_at_fit")
     table = re.search(r"^\| body \| rule \|.*?\n\n", text, re.DOTALL | re.MULTILINE)
