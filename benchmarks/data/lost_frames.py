@@ -103,19 +103,22 @@ def with_closed_stamps(toss: Toss, left: NDArray[np.int64]) -> Toss:
 
 
 def rejections(ended: Sequence[Toss | Rejected]) -> str:
-    """How many throws are accepted and at an obstacle, and how many each check rejects, in brackets as the only one."""
+    """How many throws are accepted and at an obstacle, and how many each check rejects: as the only one, and elsewhere."""
     tosses = [event if isinstance(event, Toss) else event.toss for event in ended]
     farthest = np.array([corners_of(toss)[..., 0].min() for toss in tosses])
     stopped = farthest < farthest.min() + AT_OBSTACLE
     accepted = np.array([isinstance(event, Toss) for event in ended])
-    reasons = [{line.partition(":")[0] for line in event.reasons} for event in ended if isinstance(event, Rejected)]
-    each, alone = Counter[str](), Counter[str]()
-    for one in reasons:
-        each.update(one)
-        alone.update(one if len(one) == 1 else ())
+    each, alone, elsewhere = Counter[str](), Counter[str](), Counter[str]()
+    for event, at_obstacle in zip(ended, stopped, strict=True):
+        reasons = {line.partition(":")[0] for line in event.reasons} if isinstance(event, Rejected) else set[str]()
+        each.update(reasons)
+        alone.update(reasons if len(reasons) == 1 else ())
+        elsewhere.update(() if at_obstacle else reasons)
     lines = [f"{accepted.sum()} of {len(ended)} accepted"]
     lines += [f"{stopped.sum()} stopped at x = {farthest.min():.3f} m, {(stopped & accepted).sum()} of these accepted"]
-    return "\n  ".join([*lines, *(f"{count} ({alone[why]}) {why}" for why, count in each.most_common())])
+    return "\n  ".join(
+        [*lines, *(f"{count} ({alone[why]} alone, {elsewhere[why]} elsewhere) {why}" for why, count in each.most_common())]
+    )
 
 
 def corners_of(toss: Toss) -> Array:

@@ -16,12 +16,15 @@ import numpy as np
 
 from contact_curation.design.release_delay import Seen, learned_delay, with_release
 from contact_curation.motion.release import Fall
+from contact_curation.simulation.arm.steady_swing import SteadyConfig
+from contact_curation.stages.trajectory_throw import TrajectoryConfig
 from test.motion.release.hand import COMMANDED, thrown
 
-GRIPPERS, JITTERS, MOST = 200, (0.008, 0.01, 0.012, 0.015, 0.02, 0.03), 0.015
-"""How many, their jitters [s], and the largest that half of the default steady window allows [s]."""
+GRIPPERS, THROWS, JITTERS = 200, 30, (0.008, 0.01, 0.012, 0.015, 0.02, 0.03)
+"""How many grippers, throws of each, and jitters [s]."""
 
-LEARNING, THROWS = 3, 30
+LEARNING, MOST = TrajectoryConfig().learning, 0.5 * SteadyConfig().window
+"""Throws before any is refused, and the largest jitter that the default steady window allows [s]."""
 
 
 def ever_refused(jitter: float, seed: int) -> bool:

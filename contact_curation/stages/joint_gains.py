@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.path import JointPath
 
@@ -44,10 +45,19 @@ class JointGains:
     Attributes:
         gains: of the joints; empty before the first throw.
         weights: of the gains [rad^2].
+
+    Raises:
+        InvalidValueError: a gain is further from 1 than `LARGEST_CORRECTION`, or does not have one weight of 0 or more.
     """
 
     gains: tuple[float, ...] = ()
     weights: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not all(abs(gain - 1.0) <= LARGEST_CORRECTION + 1e-9 for gain in self.gains):
+            raise InvalidValueError("gains of joints", self.gains, f"numbers at most {LARGEST_CORRECTION:g} from 1")
+        if len(self.weights) != len(self.gains) or not all(0.0 <= weight < np.inf for weight in self.weights):
+            raise InvalidValueError("weights of gains", self.weights, "a number of 0 or more for each gain")
 
     def after(self, found: Following) -> "JointGains":
         """What is known after a throw that showed this."""

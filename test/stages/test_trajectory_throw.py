@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from contact_curation.design.release_delay import Seen
+from contact_curation.errors import InvalidValueError
 from contact_curation.simulation.arm.path import JointPath
 from contact_curation.simulation.arm.throw_motion import STEP
 from contact_curation.stages.arm import Ending
@@ -84,6 +85,14 @@ def test_joints_that_go_too_far_are_told_to_go_less_far_from_the_second_throw_on
     np.testing.assert_allclose(speeds, np.linalg.norm(VELOCITY) * np.array([1.02, 1.0, 1.0, 1.0]), rtol=4e-3)
     assert cell.stage.record.joints.gains[0] == pytest.approx(1.02, abs=2e-3)
     np.testing.assert_allclose(cell.stage.record.joints.gains[1:], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("gains", "weights"), [((0.0,), (1.0,)), ((float("nan"),), (1.0,)), ((1.0, 1.0), (1.0,)), ((1.0,), (-1.0,))]
+)
+def test_gains_that_cannot_be_are_refused(gains: tuple[float, ...], weights: tuple[float, ...]) -> None:
+    with pytest.raises(InvalidValueError, match="gains"):
+        JointGains(gains, weights)
 
 
 def test_a_correction_that_would_pass_a_limit_is_not_made() -> None:
