@@ -221,13 +221,13 @@ def batches_of(shared: Setting, seed: int, pool: int) -> dict[tuple[str, int], A
         candidates = planner.pool(seed)
         usable = candidates.taken(np.flatnonzero(candidates.usable)) if name != "init" else candidates  # it refuses all
         for throws in BATCHES:
-            picked = usable.taken(greedy_batch([particle], known, usable.fishers, throws).indices)
+            picked = usable.taken(greedy_batch([particle], known, usable.expected, throws).indices)
             made[f"greedy at {name}", throws] = picked.states
             if name == "fit" and throws == REFINED:
                 whole = Planner([particle], prior, NOISE, DesignConfig(pool=pool)).plan(NAMES, known, seed)
                 made["greedy and CMA-ES at fit", throws] = np.array([throw.release for throw in whole.throws])
         if name == "fit":
-            traces = np.trace(usable.fishers[0], axis1=1, axis2=2)
+            traces = np.trace(usable.expected[0], axis1=1, axis2=2)
             for throws in BATCHES:
                 made["best traces at fit", throws] = usable.states[np.argsort(-traces)[:throws]]
     return made

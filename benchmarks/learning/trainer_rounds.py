@@ -24,8 +24,8 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.releases import fitted_prior
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench
-from contact_curation.experiments.designed_throws import RoundsLearner, judged
-from contact_curation.experiments.throw_choice import DesignedThrows
+from contact_curation.experiments.thrown.choice import DesignedThrows
+from contact_curation.experiments.thrown.designed_throws import RoundsLearner, judged
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact
 from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.toss import Toss

@@ -14,7 +14,7 @@ from contact_curation.design.predicted_information import (
     Particle,
     PredictedInformation,
     PredictionConfig,
-    expected_information,
+    information_of_executions,
     predicted_motions,
 )
 from contact_curation.design.releases import Placement, ReleasePrior, Releases
@@ -58,7 +58,7 @@ class Candidates:
     Attributes:
         releases: themselves.
         states: (K, 13) in SI units, at their place.
-        fishers: per particle (K, P, P), expected over executions.
+        fishers: per particle (K, E, P, P), of E executions of each.
         refusals: why a release may not be thrown; None where it may.
     """
 
@@ -66,6 +66,11 @@ class Candidates:
     states: Array
     fishers: tuple[Array, ...]
     refusals: Refusals
+
+    @property
+    def expected(self) -> tuple[Array, ...]:
+        """Per particle (K, P, P), the mean over executions."""
+        return tuple(fishers.mean(axis=1) for fishers in self.fishers)
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -81,6 +86,11 @@ class Candidates:
             tuple(one[chosen] for one in self.fishers),
             tuple(self.refusals[index] for index in chosen),
         )
+
+    def repeated(self, executions: int) -> "Candidates":
+        """The same with so many executions of each, all of the mean information."""
+        means = (np.repeat(one[:, None], executions, axis=1) for one in self.expected)
+        return Candidates(self.releases, self.states, tuple(means), self.refusals)
 
     @staticmethod
     def joined(parts: Sequence["Candidates"]) -> "Candidates":
@@ -191,7 +201,7 @@ class CandidateEvaluator:
         for particle in self.particles:
             motions = predicted_motions(particle, executed, config)
             self._simulated(len(executed))
-            informations.append(expected_information(particle, motions, executions, config))
+            informations.append(information_of_executions(particle, motions, executions, config))
             found = self.safety.of_motions(particle, motions, executions, config)
             unknown = (None if known else "motion: cannot be predicted" for known in informations[-1].known)
             refusals = [first or second or third for first, second, third in zip(refusals, found, unknown)]

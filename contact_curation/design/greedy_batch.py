@@ -2,7 +2,9 @@
 
     next throw = argmax over pool of mean_theta [ logdet(A + E[F(x)]) - logdet A ],  A = A0 + selected tosses + throws so far
 
-The gain is monotone and submodular, so that greedy reaches (1 - 1/e) of the best batch from the pool. What is known already is
+The gain is monotone and submodular, so that greedy reaches (1 - 1/e) of the best batch from the pool. The gain that a throw is
+said to have, and that it is refined by, is the mean over its executions e of logdet(A + F(x, e)) - logdet A: a throw that meets
+the board with one unknown corner or another tells of one of them, where E[F] counts both. What is known already is
 to the throws what A0 is to tosses: in coordinates where A is the identity a pool of throws is ranked like a pool of tosses,
 with the same lazy queue. Place and heading of throws are not designed: every motion and toss counts about its own centroid.
 
@@ -80,11 +82,17 @@ def with_fishers(state: Accumulated, fishers: Array) -> Accumulated:
 
 
 def gains(states: Sequence[Accumulated], fishers: Sequence[Array]) -> Array:
-    """(K,) mean over particles of what each throw would add in log-det; fishers (K, P, P) per particle."""
+    """(K,) mean over particles and executions of what each throw would add in log-det.
+
+    Args:
+        states: per particle, what is known.
+        fishers: per particle, (K, P, P) of throws, or (K, E, P, P) of executions of each.
+    """
     each = []
     for state, matrices in zip(states, fishers, strict=True):
         own = state.half_inverse.T @ matrices @ state.half_inverse
-        each.append(np.linalg.slogdet(np.eye(state.dimension) + 0.5 * (own + own.transpose(0, 2, 1)))[1])
+        added = np.linalg.slogdet(np.eye(state.dimension) + 0.5 * (own + own.swapaxes(-1, -2)))[1]
+        each.append(added if added.ndim == 1 else added.mean(axis=1))
     return np.asarray(np.mean(each, axis=0))
 
 
@@ -187,7 +195,7 @@ def refined(
     """
     for place in range(len(batch.states)) if config.generations else ():
         others = np.delete(np.arange(len(batch.states)), place)
-        given = [with_fishers(state, fishers[others]) for state, fishers in zip(states, batch.fishers, strict=True)]
+        given = [with_fishers(state, fishers[others]) for state, fishers in zip(states, batch.expected, strict=True)]
         own_seed = int(np.random.default_rng([seed, place]).integers(2**31 - 1))
         better = _moved(evaluator, given, batch.taken([place]), config, own_seed)
         batch = _replaced(batch, place, better)

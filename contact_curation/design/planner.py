@@ -131,7 +131,7 @@ class Planner:
         how = self.config.candidates
         self.evaluator = CandidateEvaluator(particles, noise or ExecutionNoise.expected(how.noise), how, feasible, simulated)
         self._reference = self.evaluator.with_noise(ExecutionNoise.expected(how.noise)).evaluate(self._referred())
-        self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.fishers]
+        self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.expected]
 
     def with_noise(self, noise: ExecutionNoise) -> "Planner":
         """The same with other noise of executions; A0 stays what it was, so that gains can be compared."""
@@ -180,7 +180,7 @@ class Planner:
         if batch is None:
             raise self._too_few(candidates, len(names))
         batch = refined(self.evaluator, known, batch, self.config.refinement, seed)
-        batch = batch.taken(greedy_batch(self.particles, known, batch.fishers, len(names)).indices)  # best first
+        batch = batch.taken(greedy_batch(self.particles, known, batch.expected, len(names)).indices)  # best first
         return self.planned(names, batch, known, candidates.refusals)
 
     def planned(
@@ -192,9 +192,9 @@ class Planner:
             gain = float(gains(known, [fishers[[index]] for fishers in batch.fishers])[0])
             body = self.particles[0].body.name
             throws.append(throw_of_state(name, body, batch.states[index], gain, self.version))
-            known = [with_fishers(state, fishers[[index]]) for state, fishers in zip(known, batch.fishers)]
+            known = [with_fishers(state, fishers[[index]]) for state, fishers in zip(known, batch.expected)]
         refused = Counter(refusal.partition(":")[0] for refusal in refusals if refusal)
-        return Plan(tuple(throws), batch.fishers, refused, self.config.pool)
+        return Plan(tuple(throws), batch.expected, refused, self.config.pool)
 
     def pool(self, seed: int) -> Candidates:
         """Candidate releases and their predicted information."""
@@ -215,11 +215,11 @@ class Planner:
         usable = np.flatnonzero(first.usable)
         wanted = max(self.config.finalists, FINALISTS_EACH * count)
         if len(usable) > wanted:
-            usable = usable[self._promising([one[usable] for one in first.fishers], known, count, wanted)]
+            usable = usable[self._promising([one[usable] for one in first.expected], known, count, wanted)]
         if not len(usable):
             return first
         last = self.evaluator.evaluate(first.releases.taken(usable))
-        refused = first.taken(np.flatnonzero(~first.usable))
+        refused = first.taken(np.flatnonzero(~first.usable)).repeated(self.config.candidates.forecast.executions)
         return Candidates.joined([last, refused])
 
     def _promising(self, fishers: Sequence[Array], known: Sequence[Accumulated], count: int, wanted: int) -> NDArray[np.int64]:
@@ -241,14 +241,14 @@ class Planner:
         The trace, whitened: of all measures tried it agrees best between thetas that are near each other.
         """
         coordinates = self._coordinates[particle]
-        whitened = np.einsum("pi,kpq,qi->k", coordinates, self._reference.fishers[particle], coordinates, optimize=True)
+        whitened = np.einsum("pi,kpq,qi->k", coordinates, self._reference.expected[particle], coordinates, optimize=True)
         return np.asarray(whitened * self.config.share / coordinates.shape[1])
 
     def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates | None:
         """The greedy batch of those that keep the limits by many executions, too, and that the thrower can make."""
         usable = candidates.taken(np.flatnonzero(candidates.usable))
         while len(usable.states) >= count:
-            picked = greedy_batch(self.particles, known, usable.fishers, count)
+            picked = greedy_batch(self.particles, known, usable.expected, count)
             refusals = self.evaluator.last_refusals(usable.states[picked.indices])
             refused = [int(index) for index, refusal in zip(picked.indices, refusals) if refusal]
             if not refused:
@@ -290,7 +290,7 @@ def top_trace_plan(planner: Planner, names: Sequence[str], known: Sequence[Accum
     ranked by rounding errors (method.md 0.4).
     """
     candidates = planner.pool(seed)
-    traces = np.sum([np.trace(fishers, axis1=1, axis2=2) for fishers in candidates.fishers], axis=0)
+    traces = np.sum([np.trace(fishers, axis1=1, axis2=2) for fishers in candidates.expected], axis=0)
     return _first(planner, names, known, candidates, traces)
 
 

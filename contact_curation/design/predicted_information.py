@@ -1,7 +1,6 @@
 """Predicts the information of throws: the model's motions and their Gauss-Newton information (method.md 1.10).
 
-    E[F(x)] = mean over executions e of sum_t F_GN(t),      the toss rolled out at theta from the executed release x_e
-
+    F(x, e) = sum_t F_GN(t),      the toss rolled out at theta from execution e of release x
 A toss ends once the body has rested for a few frames, as the segmenter ends one. Frames in the air carry no information
 (method.md 6.7) and are left out; where the body lies on three corners or more and goes on lying on them, frames differ little
 from one to the next, and one of every few stands for all. Each motion's tilt is taken about its own centroid, so that the place
@@ -178,10 +177,10 @@ def predicted_information(
     return PredictedInformation(_in_form(particle, sums.fishers), sums.known)
 
 
-def expected_information(
+def information_of_executions(
     particle: Particle, motions: Motions, executions: int, config: PredictionConfig = DEFAULT_PREDICTION
 ) -> PredictedInformation:
-    """Mean information of K throws over E executions of each.
+    """Information of K throws in E executions of each.
 
     Args:
         particle: theta.
@@ -190,12 +189,15 @@ def expected_information(
         config: how.
 
     Returns:
-        (K, P, P) means over the executions that could be worked out, and whether at least half of them could (K,).
+        (K, E, P, P), where an execution that could not be worked out has the mean of the others, and whether at least half of
+        them could be (K,).
     """
-    sums = _kernel_sums(particle, motions, config)
-    good = sums.known.reshape(-1, executions).sum(axis=1)
-    totals = sums.fishers.reshape(-1, executions, *sums.fishers.shape[1:]).sum(axis=1)
-    return PredictedInformation(_in_form(particle, totals / np.maximum(good, 1)[:, None, None]), 2 * good >= executions)
+    found = predicted_information(particle, motions, config)
+    known = found.known.reshape(-1, executions)
+    good = known.sum(axis=1)
+    fishers = found.fishers.reshape(-1, executions, *found.fishers.shape[1:])
+    means = fishers.sum(axis=1, keepdims=True) / np.maximum(good, 1)[:, None, None, None]
+    return PredictedInformation(np.where(known[..., None, None], fishers, means), 2 * good >= executions)
 
 
 def scaled(states: Array, length: float) -> Array:

@@ -38,9 +38,6 @@ from contact_curation.motion.transitions import states_of
 from contact_curation.simulation.tracker_noise import TrackerNoiseConfig
 from contact_curation.storage.inputs.inputs import open_inputs
 
-JUDGES = 1.0 / 3.0
-"""Share of the tosses that judges."""
-
 CUBE_DATA, SQUARE_DATA = "CONTACTNETS_DATA", "SQUARE_DATA"
 NEVER = HeldOutRule(spans=((400, 569),))
 """The cube's tosses that are neither learned from nor judge here."""
@@ -73,10 +70,7 @@ def bench_of(name: str, seed: int) -> Bench:
     if name not in BODIES:
         raise InvalidValueError("--bodies", name, f"one of {', '.join(BODIES)}")
     body, tosses = BODIES[name]()
-    judging = np.random.default_rng([seed, 3]).permutation(len(tosses)) < JUDGES * len(tosses)
-    pairs = list(zip(tosses, judging.tolist(), strict=True))
-    training, held_out = (tuple(toss for toss, judge in pairs if judge == wanted) for wanted in (False, True))
-    bench = Bench(body, training, held_out, GateConfig())
+    bench = Bench(body, tosses, (), GateConfig()).divided(seed)
     return bench.on(calibration_of(bench.training, body.polytope)) if name == "cube" else bench
 
 

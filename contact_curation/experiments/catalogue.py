@@ -13,7 +13,7 @@ from contact_curation.experiments.coverage import CalibrationCell, calibration_r
 from contact_curation.experiments.faults import Fault
 from contact_curation.experiments.rules import OURS
 from contact_curation.experiments.theorem import TheoremCell, theorem_rows
-from contact_curation.experiments.throws import ARMS, ThrowsCell
+from contact_curation.experiments.thrown.cell import ARMS, FIRM, ThrowsCell
 
 
 class Experiment(StrEnum):
@@ -43,6 +43,8 @@ class ExperimentConfig:
         shares: of bad tosses, beside none.
         faults: which.
         resamples: of the bootstrap of `calibration`.
+        worlds: that throws of `designed-throws` land in.
+        restitution: whether its learners have one.
     """
 
     rules: tuple[str, ...] = ()
@@ -54,6 +56,8 @@ class ExperimentConfig:
     shares: tuple[float, ...] = (0.05,)
     faults: tuple[str, ...] = tuple(Fault)
     resamples: int = 48
+    worlds: tuple[str, ...] = (FIRM,)
+    restitution: bool = False
 
     def __post_init__(self) -> None:
         if self.seeds < 1 or not self.sizes:
@@ -65,7 +69,7 @@ DEFAULTS: dict[Experiment, ExperimentConfig] = {
     Experiment.DATASET_QUALITY: ExperimentConfig(QUALITY_RULES, (4, 8, 16, 32, 64, ALL)),
     Experiment.FUNCTIONALS: ExperimentConfig(("trace", "min-eig", "orthogonal-literal", "orthogonal", "log-det")),
     Experiment.ROBUSTNESS: ExperimentConfig(("random", "longest", "trace", "log-det", OURS), (16,)),
-    Experiment.DESIGNED_THROWS: ExperimentConfig(ARMS, (2, 4, 6, 8, 10, 12)),
+    Experiment.DESIGNED_THROWS: ExperimentConfig(ARMS, (6, 8, 12, 16), 20),
     Experiment.THEOREM: ExperimentConfig(("random", "longest", "trace", "log-det", OURS), (8, 16, 32, 64, 128, 256), 5),
     Experiment.CALIBRATION: ExperimentConfig((), (64,), 1),
 }
@@ -77,7 +81,7 @@ def cells_of(experiment: Experiment, config: ExperimentConfig) -> tuple[AnyCell,
 
 
 def rows_of_cell(cell: LearningCell, bench: Bench) -> tuple[Row, ...]:
-    """The rows of one cell, at least one; those of a `ThrowsCell` are in `experiments.designed_throws`.
+    """The rows of one cell, at least one; those of a `ThrowsCell` are in `experiments.thrown.designed_throws`.
 
     Raises:
         ContactCurationError: the tosses are too few for it, or the training failed.
@@ -113,8 +117,8 @@ def _robustness(config: ExperimentConfig, seed: int) -> Iterator[AnyCell]:
 
 def _throws(config: ExperimentConfig, seed: int) -> Iterator[AnyCell]:
     judged = tuple(sorted(set(config.sizes)))
-    for rule in config.rules:
-        yield ThrowsCell(rule, judged, seed, config.protocol, config.steps, config.model)
+    for world, rule in product(config.worlds, config.rules):
+        yield ThrowsCell(rule, judged, seed, config.protocol, config.steps, config.model, world, config.restitution)
 
 
 def _theorem(config: ExperimentConfig, seed: int) -> Iterator[AnyCell]:
@@ -149,4 +153,6 @@ def quick(config: ExperimentConfig, sizes: Sequence[int] = (2,)) -> ExperimentCo
         shares=config.shares[:1],
         faults=config.faults[:1],
         resamples=2,
+        worlds=config.worlds[:1],
+        restitution=config.restitution,
     )

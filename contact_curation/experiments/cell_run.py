@@ -47,6 +47,9 @@ ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 
 FIT = HeldFitConfig(loss=ONE_THREAD)
 
+JUDGES = 1.0 / 3.0
+"""Share of the tosses that judges, where a seed divides them."""
+
 DRAWN = 0.8
 """Share of the training tosses in a seed's pool."""
 
@@ -86,6 +89,13 @@ class Bench:
     def on(self, rig: RigCalibration) -> "Bench":
         """The same tosses as a level rig with a true metre would have tracked them."""
         training, held_out = (tuple(apply_calibration(toss, rig) for toss in side) for side in (self.training, self.held_out))
+        return replace(self, training=training, held_out=held_out)
+
+    def divided(self, seed: int) -> "Bench":
+        """The tosses for training alone, of which a third, drawn by a seed, judges what is learned from the others."""
+        judging = np.random.default_rng([seed, 3]).permutation(len(self.training)) < JUDGES * len(self.training)
+        pairs = list(zip(self.training, judging.tolist(), strict=True))
+        training, held_out = (tuple(toss for toss, judge in pairs if judge == wanted) for wanted in (False, True))
         return replace(self, training=training, held_out=held_out)
 
     @cached_property

@@ -25,10 +25,11 @@ def add_options(parser: OneLineParser) -> None:
         "Runs an experiment cell by cell: a rule selects tosses, a model is trained on them and evaluated on held-out motion. "
         "Each finished cell is a line of DIR/cells.jsonl, from which the same command continues after a stop. At the end it "
         "writes rows.csv, summary.csv (medians over seeds, differences to random and longest, 95 % bootstrap intervals) and "
-        "figure.png. In designed-throws the rules are ways to choose throws of a simulated arm, and the sizes are numbers of "
-        "throws. counterfactuals refits a polytope exactly on random subsets of bodies' tosses, and says how well scores of "
-        "tosses foresee the errors; criteria compares rules on these bodies, judged by two engines; against-sysid compares the "
-        "exact fit with MuJoCo's system identification and CMA-ES on those that are boxes. These three take no INPUT. "
+        "figure.png. In designed-throws the rules are ways to choose throws of a simulated arm, the sizes are numbers of "
+        "throws, and a third of the tosses for training, drawn by the seed, judges. counterfactuals refits a polytope "
+        "exactly on random subsets of bodies' tosses, and says how well scores of tosses foresee the errors; criteria "
+        "compares rules on these bodies, judged by two engines; against-sysid compares the exact fit with MuJoCo's "
+        "system identification and CMA-ES on those that are boxes. These three take no INPUT. "
         f"Without INPUT reproduce reads ContactNets' tosses in folder {TOSSES}/ of the folder that {PUBLIC_DATA} names."
     )
     parser.add_argument("experiment", choices=EXPERIMENTS, metavar="EXPERIMENT", help=", ".join(EXPERIMENTS))
@@ -52,6 +53,8 @@ def add_options(parser: OneLineParser) -> None:
     )
     group.add_argument("--steps", type=positive_integer, metavar="N", help=f"of protocol budgeted (default {BUDGET})")
     group.add_argument("--shares", nargs="+", type=number_from_zero, metavar="X", help="of bad tosses (robustness)")
+    group.add_argument("--worlds", nargs="+", metavar="WORLD", help="firm, soft, bouncing, springy (designed-throws)")
+    group.add_argument("--restitution", action="store_true", help="learners have a restitution (designed-throws)")
     group.add_argument("--resamples", type=positive_integer, metavar="N", help="of the bootstrap (calibration)")
     group.add_argument("--bodies", nargs="+", metavar="BODY", help="cube, square, slab, wedge, irregular")
     group.add_argument("--refits", type=positive_integer, metavar="N", help="of each body (counterfactuals; default 400)")

@@ -33,7 +33,7 @@ from contact_curation.experiments.cell_run import Bench, Row
 from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.experiments.tables import write_tables
-from contact_curation.experiments.throws import ThrowsCell
+from contact_curation.experiments.thrown.cell import ThrowsCell
 from contact_curation.motion.calibration import calibration_of
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.reading import ReadingConfig
@@ -95,7 +95,7 @@ def experiment_config(arguments: Arguments) -> ExperimentConfig:
     protocol = Protocol(arguments.protocol or (Protocol.EXACT if exact else Protocol.BUDGETED))
     if arguments.steps and protocol is not Protocol.BUDGETED:
         raise InvalidValueError("--steps", f"protocol {protocol.value}", "protocol budgeted, which it belongs to")
-    given = {name: getattr(arguments, name) for name in ("rules", "sizes", "shares") if getattr(arguments, name)}
+    given = {name: getattr(arguments, name) for name in ("rules", "sizes", "shares", "worlds") if getattr(arguments, name)}
     config = replace(
         default,
         model=arguments.model,
@@ -103,6 +103,7 @@ def experiment_config(arguments: Arguments) -> ExperimentConfig:
         steps=(arguments.steps or BUDGET) if protocol is Protocol.BUDGETED else 0,
         seeds=arguments.seeds or default.seeds,
         resamples=arguments.resamples or default.resamples,
+        restitution=arguments.restitution,
         **{name: tuple(dict.fromkeys(values)) for name, values in given.items()},
     )
     return quick(config) if arguments.quick else config
@@ -165,7 +166,7 @@ def finished(bench: Bench, cell: AnyCell, advance: Advance) -> Finished:
 def _rows(cell: AnyCell, bench: Bench) -> tuple[Row, ...]:
     if not isinstance(cell, ThrowsCell):
         return rows_of_cell(cell, bench)
-    from contact_curation.experiments.designed_throws import throws_rows  # the arm takes a second to import
+    from contact_curation.experiments.thrown.designed_throws import throws_rows  # the arm takes a second to import
 
     return throws_rows(cell, bench)
 

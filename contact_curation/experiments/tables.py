@@ -13,7 +13,7 @@ from contact_curation.experiments.catalogue import Experiment
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.rules import BASELINES, OURS
 from contact_curation.experiments.summary import Summary, summarised
-from contact_curation.experiments.throws import RANDOM, RAW
+from contact_curation.experiments.thrown.cell import FIRM, RANDOM, RAW
 from contact_curation.files import write_atomically
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
@@ -33,10 +33,13 @@ SELECTED = ("selected_seconds", "selected_frames", "selected_bad", "gate_hits", 
 LEARNED = (*ERRORS, *RIGID, "position_median", "rotation_median", "friction", *SELECTED)
 THROWN = {
     **{name: ERRORS[name] for name in ("position", "rotation", "penetration", "vertices")},
+    "world_position": "position error in the throws' world [% of width]",
+    "world_rotation": "rotation error in the throws' world [deg]",
     "friction_from_described": "friction off the described body",
 }
 TAUGHT = (
-    *RIGID,
+    "world_penetration",
+    "landed",
     "position_median",
     "rotation_median",
     "friction",
@@ -138,7 +141,8 @@ def _theorem(summaries: Sequence[Summary]) -> list[Panel]:
 
 def _line_name(summary: Summary) -> str:
     group = dict(summary.group)
-    return ", ".join(str(group[name]) for name in ("rule", "weights") if name in group)
+    world = () if group.get("world", FIRM) == FIRM else ("world",)
+    return ", ".join(str(group[name]) for name in ("rule", "weights", *world) if name in group)
 
 
 def _throws(summaries: Sequence[Summary]) -> list[Panel]:
@@ -207,7 +211,7 @@ LAYOUTS: dict[Experiment, Layout] = {
         LEARNING, LEARNED, _robustness, "fault and share of bad tosses in the pool", "Errors after learning from a faulty pool"
     ),
     Experiment.DESIGNED_THROWS: Layout(
-        ("model", "protocol", "steps", "rule", "throws"),
+        ("model", "protocol", "steps", "world", "restitution", "rule", "throws"),
         (*THROWN, *TAUGHT),
         _throws,
         "throws",

@@ -11,7 +11,7 @@ from contact_curation.design.execution_noise import ExecutionNoise, balanced_dra
 from contact_curation.design.predicted_information import (
     DEFAULT_PREDICTION,
     Particle,
-    expected_information,
+    information_of_executions,
     predicted_information,
     predicted_motions,
 )
@@ -86,12 +86,15 @@ def test_neither_place_nor_heading_of_a_throw_changes_its_information() -> None:
     assert (both < 1e-3 * size).all()
 
 
-def test_a_mean_over_executions_is_the_mean_of_their_forecasts() -> None:
+def test_an_execution_that_cannot_be_followed_has_the_mean_of_the_throws_others() -> None:
     executed = ExecutionNoise.expected().executions(releases(3), balanced_draws(4, np.random.default_rng(0)))
+    executed[1, 2, 7], executed[2, :3, 7] = 1e200, 1e200
     motions = predicted_motions(PARTICLE, executed.reshape(-1, 13))
-    together = expected_information(PARTICLE, motions, 4)
-    apart = predicted_information(PARTICLE, motions).fishers.reshape(3, 4, *together.fishers.shape[1:]).mean(axis=1)
-    np.testing.assert_allclose(together.fishers, apart, rtol=1e-9, atol=1e-9 * np.abs(apart).max())
+    found = information_of_executions(PARTICLE, motions, 4)
+    apart = predicted_information(PARTICLE, motions).fishers.reshape(found.fishers.shape)
+    assert found.known.tolist() == [True, True, False]
+    np.testing.assert_array_equal(found.fishers[0], apart[0])
+    np.testing.assert_allclose(found.fishers[1, 2], apart[1, [0, 1, 3]].mean(axis=0), rtol=1e-12)
 
 
 def test_a_release_that_the_model_cannot_follow_is_not_known_and_leaves_the_others_alone() -> None:

@@ -22,10 +22,14 @@ from contact_curation.simulation.arm.safety import GateConfig
 from contact_curation.simulation.arm.throw import ArmThrower, ExecutedThrow
 from contact_curation.simulation.arm.throw_motion import ThrowPlanner
 from contact_curation.simulation.tracker_noise import TrackerNoise, TrackerNoiseConfig
+from contact_curation.simulation.world import DEFAULT_WORLD, WorldConfig, free_motion
 
 BOARD = "body_surface"
 PAUSE_NS = 10 * NANOSECONDS
 """Pause between two throws [ns]."""
+
+LONGEST_MOTION = 300
+"""Frames of a motion in another world than the arm's, 2 s."""
 
 
 class Seen(NamedTuple):
@@ -43,10 +47,13 @@ class ArmRig:
         body: body that is thrown.
         seed: random seed of the gripper's delays and the tracker's noise.
         tracker: noise and faults of the tracker.
+        world: contacts that the body meets after its release; by default those of the arm's own simulation.
     """
 
-    def __init__(self, body: Body, seed: int, tracker: TrackerNoiseConfig | None = None) -> None:
-        self.body = body
+    def __init__(
+        self, body: Body, seed: int, tracker: TrackerNoiseConfig | None = None, world: WorldConfig = DEFAULT_WORLD
+    ) -> None:
+        self.body, self._world = body, world
         self.feasibility = ArmFeasibility(ThrowPlanner(body), GateConfig())
         self._thrower = ArmThrower(self.feasibility.planner, seed=seed)
         self._noise = TrackerNoise(tracker or TrackerNoiseConfig(), seed)
@@ -83,9 +90,11 @@ class ArmRig:
         return found[0] if len(found) == 1 else None
 
     def _frames(self, made: ExecutedThrow) -> Sequence[FramePose]:
-        first_ns = self._now_ns
+        first_ns, states = self._now_ns, made.states
+        if self._world != DEFAULT_WORLD:
+            states = free_motion(self.body, made.release, LONGEST_MOTION, made.frame_period, self._world)
         frames = []
-        for number, state in enumerate(made.states):
+        for number, state in enumerate(states):
             stamp_ns = first_ns + round(number * made.frame_period * NANOSECONDS)
             pose = self._noise.seen(stamp_ns, Pose(state[:3], state[3:7]))
             if pose is not None:

@@ -11,8 +11,8 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
-from contact_curation.experiments.designed_throws import RoundsLearner
-from contact_curation.experiments.throws import ThrowsCell
+from contact_curation.experiments.thrown.cell import ThrowsCell
+from contact_curation.experiments.thrown.designed_throws import RoundsLearner
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, budgeted, exact
 from test.simulated import simulated_tosses
 
@@ -60,6 +60,7 @@ def test_a_budgeted_learner_goes_on_from_round_to_round_from_two_tosses_on() -> 
         ({"rule": "longest"}, "unknown rule of designed-throws longest: expected one of "),
         ({"model": "deep"}, "unknown model of designed-throws deep: expected one of polytope"),
         ({"protocol": "published"}, "unknown protocol of designed-throws published"),
+        ({"world": "icy"}, "unknown world of designed-throws icy: expected one of bouncing, firm"),
         ({"judged": (0, 2)}, "numbers of throws: found \\(0, 2\\), expected rising numbers from 1 on"),
         ({"judged": (4, 2)}, "numbers of throws"),
         ({"steps": 5}, "steps: found 5"),
@@ -74,4 +75,5 @@ def test_cells_differ_by_their_keys() -> None:
     cells = [ThrowsCell(rule, judged, seed) for rule in ("random", "raw") for judged in ((2,), (1, 2)) for seed in (0, 1)]
     assert len({cell.key for cell in cells}) == len(cells)
     assert cells[0].key == ThrowsCell("random", (2,), 0).key
-    assert cells[0].fields == {"rule": "random", "seed": 0, "protocol": "exact", "steps": 0, "model": "polytope"}
+    fields = {"rule": "random", "seed": 0, "protocol": "exact", "steps": 0, "model": "polytope"}
+    assert cells[0].fields == fields | {"world": "firm", "restitution": False}

@@ -10,12 +10,17 @@ from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.cell import Protocol
 
-RANDOM, RAW = "random", "raw"
-ARMS = (RANDOM, RAW, "exploration", "designed")
+RANDOM, RAW, DESIGNED = "random", "raw", "designed"
+ARMS = (RANDOM, RAW, "exploration", DESIGNED)
 """Ways of choosing throws: at random from the prior fitted to real ones, at random from the paper's normal, spread over first
 impacts all the time, and designed as soon as theta passes the readiness check."""
 
 PROTOCOLS = (Protocol.EXACT.value, Protocol.BUDGETED.value)
+
+FIRM = "firm"
+WORLDS = {FIRM: (0.006, 1.0), "soft": (0.01, 1.0), "bouncing": (0.006, 0.72), "springy": (0.006, 0.35)}
+"""Worlds by name: time constant [s] and damping ratio of MuJoCo's contacts. A cube that falls on a face from 80 mm leaves with
+0.13, 0.13, 0.19 and 0.41 of its speed, and sinks in by 2.6, 4.4, 2.2 and 1.6 mm."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,8 @@ class ThrowsCell:
         protocol, steps: how it learns after each throw, a round of the trainer's exact protocol or of its budgeted one with so
             many steps.
         model: that learns; a polytope.
+        world: that the throws land in, one of `WORLDS`.
+        restitution: whether the learner has one.
     """
 
     rule: str
@@ -37,9 +44,12 @@ class ThrowsCell:
     protocol: str = Protocol.EXACT.value
     steps: int = 0
     model: str = DEFAULT_MODEL
+    world: str = FIRM
+    restitution: bool = False
 
     def __post_init__(self) -> None:
-        choices = {"rule": ARMS, "protocol": PROTOCOLS, "model": [name for name, entry in MODELS.items() if entry.is_geometry]}
+        models = [name for name, entry in MODELS.items() if entry.is_geometry]
+        choices = {"rule": ARMS, "protocol": PROTOCOLS, "model": models, "world": tuple(WORLDS)}
         for name, accepted in choices.items():
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(f"{name} of designed-throws", getattr(self, name), accepted)

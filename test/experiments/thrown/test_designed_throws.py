@@ -11,9 +11,9 @@ from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.readiness import ReadinessConfig
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell_run import Bench, Row
-from contact_curation.experiments.designed_throws import judged, throws_rows
-from contact_curation.experiments.throw_choice import DesignedThrows
-from contact_curation.experiments.throws import ThrowsCell
+from contact_curation.experiments.thrown.cell import ThrowsCell
+from contact_curation.experiments.thrown.choice import DesignedThrows
+from contact_curation.experiments.thrown.designed_throws import judged, throws_rows
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.gate_config import GateConfig
 from test.design.cases import LOSS, SMALL, TRUE, other_theta
@@ -24,8 +24,7 @@ CONFIG = DesignerConfig(SMALL, ReadinessConfig(enabled=False), LOSS)
 
 @pytest.fixture(scope="module")
 def bench() -> Bench:
-    tosses = simulated_tosses(12, seed=8)
-    return Bench(CONTACTNETS_CUBE, tuple(tosses[:9]), tuple(tosses[9:]), GateConfig())
+    return Bench(CONTACTNETS_CUBE, tuple(simulated_tosses(14, seed=8)), (), GateConfig())
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +51,7 @@ def test_held_out_motion_judges_after_the_throws_that_were_named(designed: tuple
 
 
 def test_the_body_as_described_is_right_about_itself(bench: Bench) -> None:
-    row = judged(PolytopeModel(TRUE, CONTACTNETS_CUBE, Form.PHYSICAL), bench)
+    row = judged(PolytopeModel(TRUE, CONTACTNETS_CUBE, Form.PHYSICAL), bench.divided(0))
     assert row["vertices"] == 0.0
     assert row["friction_from_described"] == pytest.approx(0.0, abs=1e-12)
     assert float(row["rotation"]) < 1.0
@@ -88,5 +87,3 @@ def test_a_theta_is_compared_with_another_one_however_often_it_is_asked_about() 
 def test_without_enough_releases_there_is_no_prior(bench: Bench) -> None:
     with pytest.raises(InvalidValueError, match="releases to fit a prior to"):
         throws_rows(ThrowsCell("designed", (1,), 0), replace(bench, training=bench.training[:3]))
-    with pytest.raises(InvalidValueError, match="held-out tosses"):
-        throws_rows(ThrowsCell("designed", (1,), 0), replace(bench, held_out=()))
