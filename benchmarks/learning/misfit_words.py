@@ -2,13 +2,15 @@
 
 Bodies are those of `benchmarks.learning.starts`, many of whose corners rise by themselves when the next one lands, and slender
 boxes. They are thrown in our own simulation and tracked with the real rig's noise; the body as described is the true one. Last
-come the lines of the experiments' bodies, which are thrown in MuJoCo.
+come the lines of the experiments' bodies, and how far the corners of those go below where they rest that MuJoCo throws with
+contacts of several time constants.
 
     python -m benchmarks.learning.misfit_words [--bodies 20] [--tosses 16] [--restitutions 0 0.1 0.2 0.3] [--draws 1]
 """
 
 import argparse
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,13 +18,19 @@ import numpy as np
 from benchmarks.learning.starts import DENSITY, FRICTION, body_of
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.experiments.bodies import BODIES
+from contact_curation.design.throw import throw_of_state
+from contact_curation.experiments.bodies import BODIES, bench_of
 from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.solids.mass_properties import of_hull
-from contact_curation.learning.evaluation.misfit import bounce_in_words
+from contact_curation.learning.evaluation.misfit import bounce_in_words, impact_depth, softness_in_words
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import states_of
+from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
+from contact_curation.simulation.world import WorldConfig
 from test.simulated import RIG_NOISE, simulated_tosses
 
-IN_MUJOCO, MANY = ("slab", "wedge", "irregular"), 60
+IN_MUJOCO, MANY, SOME = ("slab", "wedge", "irregular"), 60, 20
+RECORDED, TIMES = ("cube", "square"), (6, 12, 20)
 
 
 def slender(number: int) -> Body:
@@ -32,6 +40,13 @@ def slender(number: int) -> Body:
     unit = of_hull(box(half).vertices)
     size = float(np.cbrt(np.prod(half)))
     return Body(f"box_{number}", box(half).vertices, DENSITY * unit.mass, DENSITY * unit.inertia, FRICTION, size)
+
+
+def softer(body: Body, tosses: Sequence[Toss], milliseconds: int) -> list[Toss]:
+    """Throws from the releases of tosses onto a board of another time constant."""
+    config = ThrownTossConfig(world=WorldConfig(contact_time=0.001 * milliseconds))
+    starts = [throw_of_state(toss.source, body.name, states_of(toss, 1.0)[0]) for toss in tosses]
+    return [thrown_toss(body, start, config) for start in starts]
 
 
 def main() -> int:
@@ -57,6 +72,15 @@ def main() -> int:
     for name in IN_MUJOCO:
         described, thrown = BODIES[name]()
         print(f"{name}, thrown in MuJoCo: {bounce_in_words(thrown[:MANY], described)}")
+        for milliseconds in TIMES:
+            tosses = softer(described, thrown[:SOME], milliseconds)
+            depth = impact_depth(tosses, described) / described.length_scale
+            print(f"{name}, time constant {milliseconds} ms: {depth:.3f} lengths deep; {softness_in_words(tosses, described)}")
+    for name in RECORDED:
+        bench = bench_of(name, 0)
+        tosses, described = bench.training + bench.held_out, bench.body
+        depth = impact_depth(tosses, described) / described.length_scale
+        print(f"{name}: {depth:.3f} lengths deep; {softness_in_words(tosses, described)}")
     return 0
 
 

@@ -22,6 +22,13 @@ BOUNCING = 0.07
 """By how much the median share of its approach speed with which a corner leaves the first impact is above that of the body as
 described without restitution, whose corners can rise when the next one lands. See `benchmarks.learning.misfit_words`."""
 
+DEEP = 0.12
+"""How far corners go below where they rest, from which on a line says so [characteristic lengths]. Corners of the real cube go
+0.028 deep, of the bouncing square 0.069, of bodies on MuJoCo's firm board up to 0.12 (`benchmarks.learning.misfit_words`)."""
+
+RESTING = 8
+"""Last frames of a toss, in which the body rests."""
+
 VARYING = 0.1
 """Standard deviation of frictions over tosses, relative to their median: the real cube's is 0.05."""
 
@@ -43,6 +50,25 @@ def bounce_in_words(tosses: Sequence[Toss], body: Body) -> str:
         f"the body bounces: corners leave first impacts with {share:.2f} of their speed "
         f"({max(own, 0.0):.2f} without a restitution; medians of {len(seen)} tosses)"
     )
+
+
+def softness_in_words(tosses: Sequence[Toss], body: Body) -> str:
+    """How far corners go below where they rest, if a firm board would not let them; else empty."""
+    if len(tosses) < FEWEST:
+        return ""
+    depth = impact_depth(tosses, body)
+    if depth < DEEP * body.length_scale:
+        return ""
+    return (
+        f"soft contacts: corners go {1e3 * depth:.1f} mm below where they rest (median of {len(tosses)} tosses; "
+        f"expected {1e3 * DEEP * body.length_scale:.1f} mm at most)"
+    )
+
+
+def impact_depth(tosses: Sequence[Toss], body: Body) -> float:
+    """How far the lowest corner goes below where the body rests, median over tosses [m]."""
+    lowest = [body.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1) for toss in tosses]
+    return float(np.median([np.median(heights[-RESTING:]) - heights.min() for heights in lowest]))
 
 
 def variation_in_words(found: Sliding | None) -> str:
@@ -68,5 +94,6 @@ def misfits(tosses: Sequence[Toss], body: Body, *, bounces: bool) -> tuple[str, 
         body: as described.
         bounces: whether the model has a restitution.
     """
-    lines = ("" if bounces else bounce_in_words(tosses, body), variation_in_words(sliding_of(tosses, body)))
+    bounce = "" if bounces else bounce_in_words(tosses, body)
+    lines = (bounce, softness_in_words(tosses, body), variation_in_words(sliding_of(tosses, body)))
     return tuple(line for line in lines if line)

@@ -1,5 +1,6 @@
 """Words about contacts that the usual model does not describe: where they are true, and nowhere else."""
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -10,14 +11,18 @@ import pytest
 from benchmarks.learning.starts import body_of
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.design.releases import published_releases
+from contact_curation.design.throw import throw_of_state
 from contact_curation.learning.evaluation.misfit import bounce_in_words
 from contact_curation.motion.survey.sliding import sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
-from contact_curation.pipeline.diagnosis.findings.contact import bounces, friction, friction_varies
+from contact_curation.pipeline.diagnosis.findings.contact import bounces, friction, friction_varies, gives_way
 from contact_curation.pipeline.diagnosis.findings.facts import identifiable
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
+from contact_curation.simulation.world import WorldConfig
 from contact_curation.storage.datasets.contactnets import read_contactnets_toss
 from test.simulated import RIG_NOISE, simulated_tosses
 
@@ -64,6 +69,16 @@ def test_a_body_whose_corner_rises_when_the_next_one_lands_does_not_bounce() -> 
     )
     assert bounce_in_words(without, body) == ""
     assert bounce_in_words(bouncing, body).startswith("the body bounces: corners leave first impacts with 0.4")
+
+
+@pytest.mark.parametrize(("milliseconds", "said"), [(6.0, False), (20.0, True)])
+def test_soft_contacts_are_said_to_be_soft_and_firm_ones_are_not(milliseconds: float, said: bool) -> None:
+    config = ThrownTossConfig(world=WorldConfig(contact_time=0.001 * milliseconds))
+    releases = published_releases(10, np.random.default_rng(5))
+    throws = [throw_of_state(f"{number}", CUBE.name, release) for number, release in enumerate(releases)]
+    found = gives_way(seen(tuple(thrown_toss(CUBE, throw, config) for throw in throws)))
+    assert (found is not None) == said
+    assert not said or re.match(r"soft contacts: corners go [67]\.\d mm below where they rest \(median of 10", found.what)
 
 
 def test_friction_that_varies_between_tosses_is_said_to_and_one_that_does_not_is_not() -> None:

@@ -57,6 +57,7 @@ FINDINGS: tuple[Find, ...] = (
     tosses.none_found,
     tosses.duplicates,
     tosses.few,
+    contact.gives_way,
     contact.friction_varies,
     contact.bounces,
     reading.lost,

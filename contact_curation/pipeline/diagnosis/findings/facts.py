@@ -134,7 +134,7 @@ def identifiable(evidence: Evidence) -> Finding | None:
         )
     if not sure.friction < HARDLY:
         lines.append("throws that slide have information about friction")
-    if contact.bounces(evidence) or contact.friction_varies(evidence):
+    if contact.bounces(evidence) or contact.gives_way(evidence) or contact.friction_varies(evidence):
         lines.append("the model that these bounds hold for is not right here (see above): expect more")
     return _fact("; ".join(lines))
 
