@@ -4,7 +4,8 @@ Slip and gaps count by squared impulses in the loss, and velocities by the mass,
 A body's tosses are fitted as they are, from random initial parameters, with the mass declared as factors of its own and the
 inertia in proportion. Medians over seeds, each with its own third of the tosses to judge.
 
-    python -m benchmarks.learning.declared_mass [--bodies slab irregular square] [--factors 0.25 1 4] [--seeds 3] [--tosses 16]
+    python -m benchmarks.learning.declared_mass [--bodies cube slab irregular square] [--factors 0.25 1 4]
+        [--seeds 3] [--tosses 16]
 """
 
 import argparse
@@ -40,7 +41,7 @@ def fitted(name: str, factor: float, tosses: int, seed: int) -> tuple[float, flo
 def main() -> int:
     """Prints a row of a table for each body and mass."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--bodies", nargs="+", default=["slab", "irregular", "square"])
+    parser.add_argument("--bodies", nargs="+", default=["cube", "slab", "irregular", "square"])
     parser.add_argument("--factors", nargs="+", type=float, default=[0.25, 1.0, 4.0])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--tosses", type=int, default=16)

@@ -21,6 +21,7 @@ from contact_curation.experiments.catalogue import Experiment
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.summary import summarised
 from contact_curation.experiments.tables import LAYOUTS, save_results_figure
+from contact_curation.experiments.thrown.cell import FIRM
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from test.conftest import GOLDEN, REPOSITORY
 
@@ -48,10 +49,10 @@ def rows_of(name: str) -> list[Row]:
 
 
 def results(name: str, experiment: Experiment) -> Callable[[Path], None]:
-    """What draws the results of an experiment, whose rows may leave out fields that are the same in all."""
+    """What draws the results of an experiment in its usual world, whose rows may leave out fields that are the same in all."""
 
     def draw(path: Path) -> None:
-        layout, rows = LAYOUTS[experiment], rows_of(name)
+        layout, rows = LAYOUTS[experiment], [row for row in rows_of(name) if row.get("world", FIRM) == FIRM]
         whole = [{**dict.fromkeys(layout.fields, ""), **row, **_off_described(row)} for row in rows]
         save_results_figure(
             experiment, summarised(whole, layout.fields, layout.measures, layout.baselines, BootstrapConfig()), path

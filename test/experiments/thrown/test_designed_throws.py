@@ -87,3 +87,14 @@ def test_a_theta_is_compared_with_another_one_however_often_it_is_asked_about() 
 def test_without_enough_releases_there_is_no_prior(bench: Bench) -> None:
     with pytest.raises(InvalidValueError, match="releases to fit a prior to"):
         throws_rows(ThrowsCell("designed", (1,), 0), replace(bench, training=bench.training[:3]))
+
+
+@pytest.mark.slow
+def test_a_world_that_bounces_is_learned_from_and_judged_there(bench: Bench) -> None:
+    cells = [ThrowsCell("random", (8,), 0, world=world, restitution=world != "firm") for world in ("firm", "springy")]
+    firm, springy = (throws_rows(cell, bench, CONFIG)[-1] for cell in cells)
+    assert float(firm["landed"]) >= 0.0 <= float(springy["landed"])
+    assert firm["seconds"] != springy["seconds"]
+    assert float(springy["world_rotation"]) < 40.0
+    without = throws_rows(replace(cells[1], restitution=False), bench, CONFIG)[-1]
+    assert float(springy["world_position"]) < float(without["world_position"])
