@@ -15,6 +15,7 @@ from contact_curation.experiments.comparison.page import pages_of
 from contact_curation.experiments.counterfactuals.correlations import ALL_BODIES, correlations, table_of
 from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.table import read_refits
+from contact_curation.experiments.thrown.page import page_of as page_of_throws
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -174,49 +175,32 @@ def test_bad_tosses_cost_what_the_page_says() -> None:
             assert worst == pytest.approx(float(number), abs=0.0051), (line, measure)
 
 
-THROWN = {
-    "random": "random, fitted prior",
-    "raw": "random, the paper's normal",
-    "exploration": "exploration only: each meets the board in another way",
-    "designed": "designed, from throw 6 to 8 on",
-}
-"""Rules, as the table of docs/results.md calls them."""
+def test_the_tables_of_ways_to_throw_are_those_of_the_stored_rows() -> None:
+    page = (DOCS / "reference" / "ways_to_throw.md").read_text()
+    texts = ("world", "rule")
+    stored: list[Row] = [
+        {name: cell if name in texts else float(cell) for name, cell in row.items() if cell} for row in rows("designed_throws")
+    ]
+    assert page_of_throws(stored).strip() in page
+    blocks = 0
+    for table in re.findall(r"^\| throws \| (?:median|designed).*?\n\n", section("Designed throws"), re.DOTALL | re.MULTILINE):
+        for block in re.findall(r"^\| \d+ \|.*?(?=^\| \d+ \||\Z)", table.strip() + "\n", re.DOTALL | re.MULTILINE):
+            assert block in page
+            blocks += 1
+    assert blocks == 2 + 4 + 2
 
 
-def thrown(rule: str, throws: int, measure: str, less: str | None = None) -> list[float]:
-    """What the seeds gave, or by how much more than with another rule."""
-    found: dict[str, dict[str, float]] = {}
-    for row in rows("designed_throws"):
-        if int(row["throws"]) == throws:
-            found.setdefault(row["rule"], {})[row["seed"]] = float(row[measure])
-    return [value - (found[less][seed] if less else 0.0) for seed, value in found[rule].items()]
-
-
-def test_designed_throws_are_those_of_ten_seeds() -> None:
-    for rule, name in THROWN.items():
-        lines = re.findall(rf"^\| {re.escape(name)} \|(.*)\|$", section("Designed throws"), re.MULTILINE)
-        assert lines, name
-        cells = "|".join(lines).split("|")
-        for measure, cell in zip(("position", "rotation", "vertices", "friction"), cells, strict=True):
-            check(Said(12, rule, measure, cell.split()[0]), thrown(rule, 12, measure), 10)
-
-
-def test_the_whole_table_of_designed_throws_is_that_of_ten_seeds() -> None:
-    counted = 0
-    columns = {rule: (rule, None) for rule in THROWN} | {f"designed against {rule}": ("designed", rule) for rule in THROWN}
-    page = (DOCS / "explanation" / "design.md").read_text()
-    for table in re.findall(r"^\| after \|.*?\n\n", page, re.DOTALL | re.MULTILINE):
-        heads, _, *lines = ([cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines())
-        throws = 0
-        for after, what, *cells in lines:
-            throws = int(re.split(r"[ ,]", after)[0]) if after else throws
-            for head, cell in zip(heads[2:], cells, strict=True):
-                number, (rule, less) = cell.replace("**", ""), columns[head]
-                if re.match(r"[+-]?[0-9]", number):
-                    values = thrown(rule, throws, re.split(r"[ ,]", what)[0], less)
-                    check(Said(throws, rule, what, number.split()[0]), values, 10)
-                    counted += 1
-    assert counted == 69
+def test_designed_throws_realise_the_share_of_their_gains_that_the_page_says() -> None:
+    found = [row for row in rows("designed_throws") if (row["world"], row["rule"]) == ("firm", "designed")]
+    planned, realised = (
+        {throws: sum(float(row[f"{name}_so_far"]) for row in found if row["throws"] == str(throws)) for throws in (8, 12, 16)}
+        for name in ("planned", "realised")
+    )
+    text = section("Designed throws")
+    said = re.search(r"realise (0\.\d\d) of the planned .*?\((0\.\d\d) up to the\s8th throw, (0\.\d\d) from the 13th", text)
+    assert said
+    shares = (realised[16] / planned[16], realised[8] / planned[8], (realised[16] - realised[12]) / (planned[16] - planned[12]))
+    assert [float(number) for number in said.groups()] == [round(share, 2) for share in shares]
 
 
 FITS = {

@@ -15,7 +15,7 @@ MEASURES = {
     "world_position": ("in the world: position %", 1),
     "world_rotation": ("rotation °", 1),
     "vertices": ("vertices, mm", 1),
-    "friction_from_described": ("friction off", 4),
+    "friction_from_described": ("friction off", 3),
     "landed": ("tasks done", 2),
 }
 """What the tables call the measures, and their decimals."""
