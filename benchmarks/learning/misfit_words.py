@@ -78,9 +78,9 @@ def main() -> int:
             print(f"{name}, time constant {milliseconds} ms: {depth:.3f} lengths deep; {softness_in_words(tosses, described)}")
     for name in RECORDED:
         bench = bench_of(name, 0)
-        tosses, described = bench.training + bench.held_out, bench.body
-        depth = impact_depth(tosses, described) / described.length_scale
-        print(f"{name}: {depth:.3f} lengths deep; {softness_in_words(tosses, described)}")
+        recorded = bench.training + bench.held_out
+        depth = impact_depth(recorded, bench.body) / bench.body.length_scale
+        print(f"{name}: {depth:.3f} lengths deep; {softness_in_words(recorded, bench.body)}")
     return 0
 
 

@@ -1,8 +1,9 @@
 """What the trainer's protocols make of the same loop: how soon theta may design throws, and what it knows after twelve.
 
 The loop in one process, as `contact-curation reproduce designed-throws` has it (the simulated arm, a tracker's noise, the
-designer with its readiness check), a learner of the node's own kind and settings. Judged by ContactNets' tosses below 400,
-corrected by their rig calibration: settings are chosen by them, and what all learn from is thrown by the simulated arm.
+designer with its readiness check), a learner of the node's own kind, form and settings. Judged by ContactNets' tosses
+below 400, corrected by their rig calibration: settings are chosen by them, and what all learn from is thrown by the
+simulated arm.
 
     python -m benchmarks.learning.trainer_rounds [--seeds 10] [--throws 12] [--arms budgeted exact without-2 ...]
                                                  [--save RUNS.jsonl]
@@ -24,6 +25,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.releases import fitted_prior
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench
+from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.experiments.thrown.choice import DesignedThrows
 from contact_curation.experiments.thrown.designed_throws import RoundsLearner, judged
 from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact
@@ -68,6 +70,8 @@ def run(arm: str, seed: int, throws: int, bench: Bench) -> Run:
     """One loop."""
     drawn = initial_geometry(bench.body, Form.PHYSICAL, bench.pivot, np.random.default_rng(seed))
     rig, start = ArmRig(bench.body, seed), PolytopeModel(drawn, bench.body, Form.PHYSICAL)
+    if ARMS[arm].exact:
+        start = origin_of(bench, seed, bounces=False)
     learner = RoundsLearner(start, replace(ARMS[arm], loss=ONE_THREAD), STEPS, seed)
     designer = Designer(bench.body, DesignerConfig(loss=ONE_THREAD), fitted_prior(releases_of(bench.training)), rig.feasibility)
     chooser, tosses, designed = DesignedThrows(designer, start.geometry(), seed), list[Toss](), list[int]()

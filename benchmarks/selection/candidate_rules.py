@@ -32,7 +32,7 @@ from scipy.stats import rankdata
 from benchmarks.selection.rules import Row, finished_rows, fold_bench, foreseen_motions, print_summaries, recorded_bench, traits
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.design.predicted_information import DEFAULT_PREDICTION, Particle, expected_information
+from contact_curation.design.predicted_information import DEFAULT_PREDICTION, Particle, information_of_executions
 from contact_curation.experiments.cell import Cell
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, judged, pool_of_cell
 from contact_curation.geometry.quaternions import Array
@@ -152,7 +152,8 @@ def by_expected(situation: Situation) -> Choice:
     """Log-det of the information that the model expects, at the release alone."""
     model, tosses = situation.models[0], situation.tosses
     particle = Particle(model.geometry(), model.body, ONE_THREAD)
-    fishers = expected_information(particle, foreseen_motions(particle, tosses), DEFAULT_PREDICTION.executions).fishers
+    motions = foreseen_motions(particle, tosses)
+    fishers = information_of_executions(particle, motions, DEFAULT_PREDICTION.executions).fishers.mean(axis=1)
     told = {toss.toss_id: fisher for toss, fisher in zip(tosses, fishers, strict=True)}
     infos = [_with_fisher(info, told[info.toss_id]) for info in situation.infos(model)]
     return Choice(_by_log_det(infos, situation.trial.size))
