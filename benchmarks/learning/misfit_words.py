@@ -73,9 +73,9 @@ def main() -> int:
         described, thrown = BODIES[name]()
         print(f"{name}, thrown in MuJoCo: {bounce_in_words(thrown[:MANY], described)}")
         for milliseconds in TIMES:
-            tosses = softer(described, thrown[:SOME], milliseconds)
-            depth = impact_depth(tosses, described) / described.length_scale
-            print(f"{name}, time constant {milliseconds} ms: {depth:.3f} lengths deep; {softness_in_words(tosses, described)}")
+            soft = softer(described, thrown[:SOME], milliseconds)
+            depth = impact_depth(soft, described) / described.length_scale
+            print(f"{name}, time constant {milliseconds} ms: {depth:.3f} lengths deep; {softness_in_words(soft, described)}")
     for name in RECORDED:
         bench = bench_of(name, 0)
         recorded = bench.training + bench.held_out
