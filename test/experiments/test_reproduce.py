@@ -19,6 +19,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_simulated(tmp_path_factory.mktemp("tosses"), 10)
 
 
+@pytest.fixture(scope="module")
+def more(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """16 of them, enough for a prior of releases when a third judges."""
+    return write_simulated(tmp_path_factory.mktemp("more"), 16)
+
+
 def table(path: Path) -> list[dict[str, str]]:
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
@@ -88,8 +94,8 @@ def test_experiments_without_rules_that_learn(cli: Cli, folder: Path, tmp_path: 
 
 
 @pytest.mark.slow
-def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    words = ("reproduce", "designed-throws", folder, *SMALL, "--seeds", 1, "--rules", "random", "raw", "--out")
+def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, more: Path, tmp_path: Path) -> None:
+    words = ("reproduce", "designed-throws", more, *SMALL, "--seeds", 1, "--rules", "random", "raw", "--out")
     done = cli(*words, tmp_path / "whole")
     assert done.status == 0
     rows = table(tmp_path / "whole" / "rows.csv")
@@ -112,8 +118,8 @@ def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, folder: P
 
 
 @pytest.mark.slow
-def test_throws_are_the_same_in_processes_of_their_own(cli: Cli, folder: Path, tmp_path: Path) -> None:
-    words = ("reproduce", "designed-throws", folder, *SMALL, "--rules", "exploration", "designed", "--out")
+def test_throws_are_the_same_in_processes_of_their_own(cli: Cli, more: Path, tmp_path: Path) -> None:
+    words = ("reproduce", "designed-throws", more, *SMALL, "--rules", "exploration", "designed", "--out")
     assert cli(*words, tmp_path / "one").status == 0
     assert cli(*words, tmp_path / "two", "--jobs", 2).status == 0
     assert (tmp_path / "one" / "rows.csv").read_bytes() == (tmp_path / "two" / "rows.csv").read_bytes()
