@@ -26,7 +26,12 @@ import torch
 from contact_curation.contact.rollout import rollout
 from contact_curation.design.designer import AdaptiveDesign, Designer
 from contact_curation.design.greedy_batch import gains
-from contact_curation.design.predicted_information import PredictionConfig, predicted_information, predicted_motions
+from contact_curation.design.predicted_information import (
+    PredictionConfig,
+    predicted_information,
+    predicted_motions,
+    scaled,
+)
 from contact_curation.design.releases import fitted_prior
 from contact_curation.design.throw import Throw
 from contact_curation.experiments.bodies import bench_of
@@ -38,7 +43,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, exact
 from contact_curation.motion.smoothing import kinematics
-from contact_curation.motion.toss import Toss
+from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.motion.transitions import states_of
 from contact_curation.simulation.arm.rig import ArmRig
 from contact_curation.simulation.world import free_motion
@@ -88,14 +93,13 @@ class Session:
         release, toss, body = seen.executed.release, seen.toss, self.particle.body
         own = predicted_motions(self.particle, release[None], EXACT)
         frames = int(own.frames[0])
-        units = np.array([body.length_scale] * 3 + [1.0] * 4 + [body.length_scale] * 3 + [1.0] * 3)
         period = toss.frame_period / STEPS
-        fine = rollout(self.particle.geometry, body, (release / units)[None], STEPS * (frames - 1) + 1, period)
+        fine = rollout(self.particle.geometry, body, scaled(release[None], body.length_scale), STEPS * (frames - 1) + 1, period)
         true = free_motion(body, release, toss.frames, toss.frame_period)
         return (
             throw.expected_information,
             self._gain(predicted_information(self.particle, own, EXACT).fishers),
-            self._gain_of(_measured(_toss(toss, fine.states[::STEPS] * units))),
+            self._gain_of(_measured(_toss(toss, scaled(fine.states[::STEPS], 1.0 / body.length_scale)))),
             self._gain_of(_toss(toss, true)),
             self._gain_of(_measured(_toss(toss, true))),
             self._gain_of(toss),
@@ -112,7 +116,7 @@ class Session:
 
 def _toss(like: Toss, states: Array) -> Toss:
     """A toss of states (T, 13) in SI units, with the period of another."""
-    stamps = np.rint(np.arange(len(states)) * like.frame_period * 1e9).astype(np.int64)
+    stamps = np.rint(np.arange(len(states)) * like.frame_period * NANOSECONDS).astype(np.int64)
     return replace(
         like, stamps_ns=stamps, positions=states[:, :3], orientations_wxyz=states[:, 3:7],
         linear_velocities=states[:, 7:10], angular_velocities=states[:, 10:],

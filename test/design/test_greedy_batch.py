@@ -256,8 +256,8 @@ def test_baselines_draw_the_same_pool_and_pick_by_chance_or_by_trace(planner: Pl
 
 def test_a_throw_that_tells_of_one_thing_or_another_gains_the_mean_and_not_both() -> None:
     state = Accumulated.prior_only(np.eye(2))
-    either = np.array([np.diag([99.0, 0.0]), np.diag([0.0, 99.0])])[None]
-    both = np.diag([99.0, 99.0])[None]
-    assert gains([state], [either])[0] == pytest.approx(np.log(100.0))
-    assert gains([state], [both])[0] == pytest.approx(2.0 * np.log(100.0))
-    assert gains([state], [either.mean(axis=1)])[0] == pytest.approx(2.0 * np.log(50.5))
+    either = np.array([np.diag([99.0, 0.0]), np.diag([0.0, 9.0])])[None]
+    both = np.diag([99.0, 9.0])[None]
+    assert gains([state], [either])[0] == pytest.approx(0.5 * np.log(100.0 * 10.0))
+    assert gains([state], [both])[0] == pytest.approx(np.log(100.0 * 10.0))
+    assert gains([state], [either.mean(axis=1)])[0] == pytest.approx(np.log(50.5 * 5.5))

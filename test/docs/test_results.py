@@ -190,6 +190,20 @@ def test_the_tables_of_ways_to_throw_are_those_of_the_stored_rows() -> None:
     assert blocks == 2 + 4 + 2
 
 
+def test_the_sentence_on_designed_throws_has_the_numbers_of_its_table() -> None:
+    said = re.search(r"after 8 by ([\d.]+)° \((.*?)\) in.*?, ([\d.]+) points \((.*?)\) in.*? and ([\d.]+) mm \((.*?)\)",
+                     PAGE.read_text(), re.DOTALL)  # fmt: skip
+    table = re.search(r"designed minus.*?\n\| 8 \|(.*?)\n\| 12 \|", section("Designed throws"), re.DOTALL)
+    assert said
+    assert table
+    for name, value, ends in zip(
+        ("rotation °", "position %", "vertices, mm"), said.groups()[::2], said.groups()[1::2], strict=True
+    ):
+        near, far = ends.split(" to ")
+        line = next(line for line in table[1].splitlines() if f" {name} |" in line)
+        assert f"**-{value}** (-{far} to -{near})" in line, name
+
+
 def test_designed_throws_realise_the_share_of_their_gains_that_the_page_says() -> None:
     found = [row for row in rows("designed_throws") if (row["world"], row["rule"]) == ("firm", "designed")]
     planned, realised = (

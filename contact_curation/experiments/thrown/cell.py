@@ -55,6 +55,8 @@ class ThrowsCell:
                 raise UnknownNameError(f"{name} of designed-throws", getattr(self, name), accepted)
         if not self.judged or min(self.judged) < 1 or list(self.judged) != sorted(set(self.judged)):
             raise InvalidValueError("numbers of throws", self.judged, "rising numbers from 1 on")
+        if self.restitution and self.protocol != Protocol.EXACT:
+            raise InvalidValueError("restitution", f"protocol {self.protocol}", "protocol exact, which learns one")
         if (self.steps > 0) != (self.protocol == Protocol.BUDGETED):
             raise InvalidValueError("steps", self.steps, "some for the budgeted protocol, 0 for the exact one")
 

@@ -13,8 +13,9 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.rollout import rollout
+from contact_curation.contact.time_step import STATE_SIZE
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
-from contact_curation.design.predicted_information import SWEEPS
+from contact_curation.design.predicted_information import SWEEPS, scaled
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.thrown_toss import ThrownTossConfig
@@ -70,10 +71,9 @@ class Thrower:
     def predicted(self, geometry: ContactGeometry, rng: np.random.Generator) -> list[list[Rest]]:
         """Where each release leads, by a model: R lists of E rests."""
         draws = balanced_draws(EXECUTIONS, rng)
-        units = np.array([self.body.length_scale] * 3 + [1.0] * 4 + [self.body.length_scale] * 3 + [1.0] * 3)
-        starts = self.noise.executions(self.releases, draws).reshape(-1, len(units)) / units
+        starts = scaled(self.noise.executions(self.releases, draws).reshape(-1, STATE_SIZE), self.body.length_scale)
         rolled = rollout(geometry, self.body, starts, self.frames, self.thrown.frame_period, SWEEPS)
-        last = rolled.states[rolled.starts[1:] - 1] * units
+        last = scaled(rolled.states[rolled.starts[1:] - 1], 1.0 / self.body.length_scale)
         last[~rolled.finite] = [1e9] * 3 + [1.0] + [0.0] * 9  # nowhere near a mark
         rests = [self.rest(state) for state in last]
         return [rests[first : first + EXECUTIONS] for first in range(0, len(rests), EXECUTIONS)]

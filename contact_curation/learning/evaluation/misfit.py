@@ -24,10 +24,13 @@ described without restitution, whose corners can rise when the next one lands. S
 
 DEEP = 0.12
 """How far corners go below where they rest, from which on a line says so [characteristic lengths]. Corners of the real cube go
-0.028 deep, of the bouncing square 0.069, of bodies on MuJoCo's firm board up to 0.12 (`benchmarks.learning.misfit_words`)."""
+0.026 deep, of the bouncing square 0.065, of bodies on MuJoCo's firm board up to 0.12 (`benchmarks.learning.misfit_words`)."""
 
 RESTING = 8
 """Last frames of a toss, in which the body rests."""
+
+NOISY = 3.0
+"""Standard deviations at rest by which noise lowers the lowest of some hundred frames."""
 
 VARYING = 0.1
 """Standard deviation of frictions over tosses, relative to their median: the real cube's is 0.05."""
@@ -66,9 +69,11 @@ def softness_in_words(tosses: Sequence[Toss], body: Body) -> str:
 
 
 def impact_depth(tosses: Sequence[Toss], body: Body) -> float:
-    """How far the lowest corner goes below where the body rests, median over tosses [m]."""
+    """How far the lowest corner goes below where the body rests, less what the tracker's noise does; median over tosses [m]."""
     lowest = [body.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min(axis=1) for toss in tosses]
-    return float(np.median([np.median(heights[-RESTING:]) - heights.min() for heights in lowest]))
+    resting = [heights[-RESTING:] for heights in lowest]
+    depths = [np.median(rest) - NOISY * rest.std() - heights.min() for rest, heights in zip(resting, lowest, strict=True)]
+    return float(np.median(depths))
 
 
 def variation_in_words(found: Sliding | None) -> str:

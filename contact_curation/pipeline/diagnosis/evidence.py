@@ -7,7 +7,7 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_of
+from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_of, softness_in_words
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
 from contact_curation.motion.survey.series import PoseSeries
@@ -87,6 +87,11 @@ class Evidence:
     def bounce(self) -> str:
         """How fast corners leave first impacts, if a body without restitution does not leave them so; else empty."""
         return bounce_in_words(self.tosses, self.body)
+
+    @cached_property
+    def softness(self) -> str:
+        """How far corners go below where they rest, if a firm board would not let them; else empty."""
+        return softness_in_words(self.tosses, self.body)
 
     @cached_property
     def sliding(self) -> Sliding | None:

@@ -93,7 +93,7 @@ def test_without_enough_releases_there_is_no_prior(bench: Bench) -> None:
 def test_a_world_that_bounces_is_learned_from_and_judged_there(bench: Bench) -> None:
     cells = [ThrowsCell("random", (8,), 0, world=world, restitution=world != "firm") for world in ("firm", "springy")]
     firm, springy = (throws_rows(cell, bench, CONFIG)[-1] for cell in cells)
-    assert float(firm["landed"]) >= 0.0 <= float(springy["landed"])
+    assert {"landed", "world_position"} <= firm.keys() & springy.keys()
     assert firm["seconds"] != springy["seconds"]
     assert float(springy["world_rotation"]) < 40.0
     without = throws_rows(replace(cells[1], restitution=False), bench, CONFIG)[-1]

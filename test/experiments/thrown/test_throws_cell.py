@@ -61,6 +61,7 @@ def test_a_budgeted_learner_goes_on_from_round_to_round_from_two_tosses_on() -> 
         ({"model": "deep"}, "unknown model of designed-throws deep: expected one of polytope"),
         ({"protocol": "published"}, "unknown protocol of designed-throws published"),
         ({"world": "icy"}, "unknown world of designed-throws icy: expected one of bouncing, firm"),
+        ({"restitution": True, "protocol": "budgeted", "steps": 5}, "restitution: found protocol budgeted"),
         ({"judged": (0, 2)}, "numbers of throws: found \\(0, 2\\), expected rising numbers from 1 on"),
         ({"judged": (4, 2)}, "numbers of throws"),
         ({"steps": 5}, "steps: found 5"),

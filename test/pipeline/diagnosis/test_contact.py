@@ -24,7 +24,7 @@ from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
 from contact_curation.simulation.world import WorldConfig
 from contact_curation.storage.datasets.contactnets import read_contactnets_toss
-from test.simulated import RIG_NOISE, simulated_tosses
+from test.simulated import RIG_NOISE, TrackerNoise, simulated_tosses
 
 RADIUS = float(np.linalg.norm(CUBE.vertices, axis=1).max())
 
@@ -79,6 +79,11 @@ def test_soft_contacts_are_said_to_be_soft_and_firm_ones_are_not(milliseconds: f
     found = gives_way(seen(tuple(thrown_toss(CUBE, throw, config) for throw in throws)))
     line = r"soft contacts: corners go [67]\.\d mm below where they rest \(median of 10" if said else "^$"
     assert re.match(line, found.what if found else "")
+
+
+def test_a_noisy_tracker_makes_no_contact_soft() -> None:
+    noise = TrackerNoise(90.0 * RIG_NOISE.position, 90.0 * RIG_NOISE.orientation)
+    assert gives_way(seen(simulated_tosses(12, 1, noise))) is None
 
 
 def test_friction_that_varies_between_tosses_is_said_to_and_one_that_does_not_is_not() -> None:

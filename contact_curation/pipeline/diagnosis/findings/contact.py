@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contact_curation.learning.evaluation.misfit import softness_in_words, variation_in_words
+from contact_curation.learning.evaluation.misfit import variation_in_words
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.wording import counted_tosses
@@ -16,7 +16,7 @@ def bounces(evidence: Evidence) -> Finding | None:
 
 def gives_way(evidence: Evidence) -> Finding | None:
     """Corners that sink in farther than a rigid body's on a firm board."""
-    seen = softness_in_words(evidence.tosses, evidence.body)
+    seen = evidence.softness
     mend = "a firmer board, or a body that is not larger than its corners say; models here are rigid"
     return Finding(Severity.WARNING, seen, mend) if seen else None
 
