@@ -1,7 +1,8 @@
 """Scoring that can be interrupted at any time: all results and the position in the stream are on disk.
 
-A toss is scored once per theta. Its information is stored under its own number before anybody hears of it; after a kill the
-numbers that were perhaps never announced are announced again.
+A toss is scored once per theta. Its information is on the disk under its own number before anybody hears of it, so that no
+number ever stands for two records, even if the machine crashes. After a kill, the numbers that were perhaps never announced are
+announced again.
 """
 
 from collections.abc import Mapping, Sequence
@@ -80,6 +81,7 @@ class ScoringStage:
         self._scorer = self._checked(scorer_of(known, body, config))
         self._begun: BegunToss | None = None
         self._foreseen: _Foreseen | None = None
+        informations.reach_disk()  # what was stored and not announced will be
 
     @property
     def version(self) -> str:
@@ -156,6 +158,8 @@ class ScoringStage:
         records = [stored_records(TossHeader(header), name=toss_id) for toss_id, header in headers.items()]
         self._states.save({key: data for one in records for key, data in one.items()})
         new = [Announcement(self._informations.add(one).sequence, one, headers[one.toss_id]) for _, one in scored]
+        if new:
+            self._informations.reach_disk()
         return Batch(tuple(new), tuple(result for result in results if isinstance(result, NotScored)))
 
     def _scored(self, tosses: Sequence[Toss]) -> tuple[TossInformation | NotScored, ...]:

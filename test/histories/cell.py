@@ -20,6 +20,8 @@ from test.lost_machine import LOG, Disk
 NAMES = tuple(MAKERS)
 NUMBERED = ("toss>scorer", "toss_information>curator", "toss_information>designer")
 """Channels whose messages are numbered: what is lost on them is asked for."""
+SYNCED = ("keeper", "scorer")
+"""Nodes whose stores are on the disk before anybody hears of what is in them."""
 LEAD_NS = 5_000_000
 """From the release of a throw to the first frame of its toss."""
 SHIFTS_NS = (0, -3_600_000_000_000, 3_600_000_000_000)
@@ -156,15 +158,15 @@ class Cell:
         connection.close()
 
     def lose_power(self, lost: tuple[str, ...]) -> None:
-        """The machine dies, and with it the last commits of some stores; of the tosses' own all since its log was synced."""
-        own = self.folder / "keeper.sqlite"
-        left = self._disk.left(own)
+        """The machine dies, and with it the last commits of some stores; of those that are synced all since then."""
+        left = {name: self._disk.left(self.folder / f"{name}.sqlite") for name in SYNCED}
         for name in NAMES:
             self.kill(name)
         for name in lost:
-            self._replace(name, left[""] if name == "keeper" else self._safe[name])
-            if name == "keeper" and LOG in left:
-                own.with_name(own.name + LOG).write_bytes(left[LOG])
+            own = left.get(name, {"": self._safe[name]})
+            self._replace(name, own[""])
+            if LOG in own:
+                (self.folder / f"{name}.sqlite{LOG}").write_bytes(own[LOG])
         for name in NAMES:
             self.restart(name)
 

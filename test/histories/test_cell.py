@@ -72,6 +72,23 @@ FAILED: dict[str, History] = {
         ("remove", "keeper"),
         ("cut",),
     ),
+    "a number of the scorer stands for one record, also after the machine died": (
+        ("begin", True, 0.5),
+        ("publish_theta", 1),
+        ("go_on", 4, 24),
+        ("cut",),
+        ("go_on", 1, 16),
+        ("lose_power", ("keeper", "scorer")),
+    ),
+    "the machine dies twice": (
+        ("begin", False, 0.9),
+        *(("cut",),) * 3,
+        ("go_on", 2, 38),
+        ("lose_power", ("keeper", "scorer", "curator", "designer")),
+        ("cut",),
+        ("go_on", 5, 33),
+        ("lose_power", ("scorer",)),
+    ),
 }
 """Histories that failed once, by what they showed."""
 

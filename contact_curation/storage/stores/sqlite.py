@@ -225,6 +225,10 @@ class Store:
         """Makes this process the only writer, as the node that owns the store; see `SqliteStore.claim`."""
         self._store.claim()
 
+    def reach_disk(self) -> None:
+        """Waits until everything stored is on the disk; must not be called inside a transaction."""
+        self._store.reach_disk()
+
     def close(self) -> None:
         self._store.close()
 

@@ -153,10 +153,6 @@ class TossStore(Store):
         with self._store.transaction():
             yield
 
-    def reach_disk(self) -> None:
-        """Waits until everything stored is on the disk; must not be called inside a transaction."""
-        self._store.reach_disk()
-
     def append_poses(self, poses: Sequence[JournalPose]) -> int:
         """Adds poses to the journal with all bits; returns the sequence number of the last pose that was ever added."""
         rows = [_row(pose) for pose in poses]
