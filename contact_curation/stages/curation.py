@@ -108,7 +108,7 @@ class CurationStage:
         self._states = informations.states
         self.check(ranking)
         position = load_record(self._states.load, CuratorPosition) or CuratorPosition()
-        self._newest, known = position.newest, position.versions
+        self._newest, self._most, known = position.newest, position.most, position.versions
         self._selections: dict[str, Selection] = {}
         self._order = list(informations.versions if known is None else known)
         self.rank_by(ranking)
@@ -156,10 +156,11 @@ class CurationStage:
         meanwhile. Which theta came last is remembered here and no sooner: after a death everything behind the cursor comes
         once more.
         """
+        self._most = self._known()
         needed = {self._ranked_version(), *self._order[-1:]}
         forgotten = [version for version in self._order if version not in needed]
         self._order = [version for version in self._order if version in needed]
-        self._states.save(stored_records(CuratorPosition(cursor, self._newest, tuple(self._order))))
+        self._states.save(stored_records(CuratorPosition(cursor, self._newest, tuple(self._order), self._most)))
         for version in forgotten:
             del self._selections[version]
             self._informations.drop_version(version)
@@ -201,11 +202,18 @@ class CurationStage:
             selection.add(stored.information)
         return selection
 
+    def _known(self) -> int:
+        """How many tosses are known, if only at a theta that was forgotten."""
+        return max([self._most, *(self._selections[version].seen for version in self._order)])
+
     def _ranked_version(self) -> str:
-        """The newest theta at which enough of the known tosses are scored; empty while nothing came."""
-        seen = {version: self._selections[version].seen for version in self._order}
-        known = max(seen.values(), default=0)
-        return next((version for version in reversed(self._order) if seen[version] >= self._config.coverage * known), "")
+        """The newest theta at which enough of the known tosses are scored; empty while nothing came.
+
+        If there is none, because `coverage` was raised, it is the one at which most are scored.
+        """
+        seen = {version: self._selections[version].seen for version in reversed(self._order)}
+        enough = self._config.coverage * self._known()
+        return next((version for version in seen if seen[version] >= enough), max(seen, key=seen.__getitem__, default=""))
 
     def _revision(self, curation: Curation, version: str, seen: int) -> int:
         """Goes up by one when the selected tosses, their order, theta or criterion change; lives on disk with them."""

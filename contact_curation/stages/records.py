@@ -121,12 +121,14 @@ class CuratorPosition:
         cursor: behind the last information.
         newest: header of the newest toss.
         versions: thetas that information is known at, the newest last; None before any was forgotten.
+        most: most tosses that were known at one theta, which may be forgotten.
     """
 
     KEY: ClassVar = "cursor"
     cursor: Cursor = START
     newest: Stamped = UNSTAMPED
     versions: tuple[str, ...] | None = None
+    most: int = 0
 
 
 @dataclass(frozen=True)

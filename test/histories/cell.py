@@ -146,10 +146,11 @@ class Cell:
             assert curator.set_parameters(changed).successful
 
     def cover(self, coverage: float) -> None:
-        """The curator is started again with another coverage."""
+        """The curator is started again with another coverage, which counts for what it still knows."""
         self.kill("curator")
         self.coverage = self.process("curator").parameters["coverage"] = coverage
         self.restart("curator")
+        self._most_known = max(self._counts.values(), default=0)
 
     def save(self, name: str) -> None:
         """The system writes to disk what a node has committed."""
@@ -269,6 +270,12 @@ class Cell:
         return self.middleware.processes[name]
 
     @property
+    def _counts(self) -> dict[str, int]:
+        """Tosses that the curator knows at each theta."""
+        stored = self.process("curator").node._informations
+        return {version: stored.count(version) for version in stored.versions}
+
+    @property
     def _faults(self) -> list[str]:
         """What nodes warned of, though nothing was wrong with any message."""
         said = {kind for name in NAMES[1:] for kind in self.process(name).node._warnings.counts}
@@ -304,8 +311,7 @@ class Cell:
             self._commanded.add(name)
         if topic != "curated_buffer":
             return
-        node = self.process("curator").node
-        counts = {version: node._informations.count(version) for version in node._informations.versions}
+        counts = self._counts
         self._most_known = max(self._most_known, *counts.values())
         assert message.tosses_seen == counts[message.parameters_version]
         assert message.tosses_seen >= CurationConfig(coverage=self.coverage).coverage * self._most_known

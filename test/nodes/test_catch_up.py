@@ -5,7 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.nodes.ros.catch_up import CatchUp, Source
+from contact_curation.nodes.ros.catch_up import PATIENCE, REMEMBERED, CatchUp, Source
 from contact_curation.stages.records import Cursor
 
 PAGE = 4
@@ -283,5 +283,45 @@ def test_what_is_doubted_while_a_question_is_under_way_is_asked_again() -> None:
     assert answer is not None
     answer._response = SimpleNamespace(items=server.stored[3:], last_sequence=4)
     following_it._answered(answer)
-    hand.work()
+    for _ in range(PATIENCE + 2):
+        server.tick()
+        hand.work()
     assert taken == [*expected(1, 3), *expected(1, 4, "new")]
+
+
+def test_a_late_message_of_a_store_that_is_gone_hides_none_of_the_next_one() -> None:
+    server = Server(0)
+    _, hand, taken = following(server)
+    server.heard(numbered(1))  # of the store that is gone
+    server.stored = [numbered(1, "new"), SimpleNamespace(sequence=2, toss_id="toss-1")]
+    server.heard(server.stored[1])
+    hand.work()
+    assert set(taken) == {"toss-1", "new-1"}
+    server.announce(3, "new")
+    hand.work()
+    assert taken[-1] == "new-3"
+
+
+def test_an_answer_that_does_not_fit_what_came_meanwhile_begins_anew() -> None:
+    server = Server(0)
+    following_it, hand, taken = following(server)
+    server.alive = False
+    server.tick()
+    answer = following_it._asked
+    assert answer is not None
+    server.heard(numbered(1))
+    server.alive = True
+    server.stored = [numbered(number, "new") for number in (1, 2)]
+    answer._response = SimpleNamespace(items=server.stored, last_sequence=2)
+    following_it._answered(answer)
+    hand.work()
+    assert taken == [*expected(1, 1), *expected(1, 2, "new")]
+
+
+def test_no_more_numbers_are_remembered_than_are_needed() -> None:
+    server = Server(0)
+    following_it, hand, _ = following(server)
+    for number in range(1, 3 * REMEMBERED):
+        server.announce(number)
+    hand.work()
+    assert len(following_it._taken) == len(following_it._numbers) == REMEMBERED

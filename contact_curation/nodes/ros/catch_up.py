@@ -4,7 +4,8 @@ A node stores what it publishes, and numbers it from 1. The topic is fast, the s
 was killed, or finds a number missing requests from the service what follows its last message. It also does so once a second,
 which costs little and finds messages that were stored but never announced. If the store was re-created, numbers start from 1
 again, and everything is requested. A number that comes again may be a sign of that, so the source is asked what has the number
-of the cursor.
+of the cursor. While messages of the former store are still on their way, the two stores' numbers mix: a number that comes with
+another record, or a record with another number, shows that, and everything is requested, too.
 """
 
 import threading
@@ -24,6 +25,9 @@ from contact_curation.stages.records import Cursor
 
 PERIOD = 1.0
 """Time between requests when nothing is missing [s]."""
+
+REMEMBERED = 256
+"""Number of last messages whose numbers are compared with those that come."""
 
 PATIENCE = 5
 """Number of periods after which a request without a response is repeated, because the server was killed."""
@@ -79,6 +83,8 @@ class CatchUp:
         self._caught_up = caught_up
         self._cursor = self._handled = cursor
         self._newest = cursor.sequence
+        self._taken: dict[int, str] = {}  # records by number, and numbers by record
+        self._numbers: dict[str, int] = {}
         self._confirmed = cursor.sequence == 0
         self._checking = False
         self._generation = 0
@@ -104,9 +110,14 @@ class CatchUp:
         """Requests everything again from the first message on, and drops what waits for the worker."""
         with self._lock:
             self._generation += 1
-            self._cursor, self._handled, self._confirmed = Cursor(), Cursor(), True
+            self._begin_anew()
             self._drop_question()
         self._ask()
+
+    def _begin_anew(self) -> None:
+        self._cursor, self._handled, self._confirmed = Cursor(), Cursor(), True
+        self._taken.clear()
+        self._numbers.clear()
 
     def _heard(self, heard: Any) -> None:
         """Takes a message of the topic if it is the next one; otherwise sends a request."""
@@ -117,10 +128,13 @@ class CatchUp:
             return
         with self._lock:
             self._newest = max(self._newest, message.sequence)
-            if self._confirmed and message.sequence == self._cursor.sequence + 1:
+            if self._contradicts(message):
+                self._begin_anew()
+                self._drop_question()
+            elif self._confirmed and message.sequence == self._cursor.sequence + 1:
                 self._take([message])
                 return
-            if message.sequence <= self._cursor.sequence and Cursor(message.sequence, message.toss_id) != self._cursor:
+            elif message.sequence <= self._cursor.sequence and Cursor(message.sequence, message.toss_id) != self._cursor:
                 self._confirmed = False
             missing = not self._confirmed or message.sequence > self._cursor.sequence
         if missing:
@@ -159,8 +173,9 @@ class CatchUp:
             self._newest = response.last_sequence
             if not self._confirmed and not self._checking:
                 more = True  # doubted since the question was asked
-            elif not self._same_source(messages, response.last_sequence):
-                self._cursor, self._handled, self._confirmed, more = Cursor(), Cursor(), True, True
+            elif any(map(self._contradicts, messages)) or not self._same_source(messages, response.last_sequence):
+                self._begin_anew()
+                more = True
             else:
                 fresh = [message for message in messages if message.sequence > self._cursor.sequence]
                 self._take(fresh)
@@ -176,9 +191,20 @@ class CatchUp:
             return self._confirmed
         return last_sequence >= self._cursor.sequence
 
+    def _contradicts(self, message: Any) -> bool:
+        """Whether its number came with another record before, or its record with another number."""
+        record, number = _record_of(message), message.sequence
+        return self._taken.get(number, record) != record or self._numbers.get(record, number) != number
+
     def _take(self, messages: Sequence[Any]) -> None:
         if messages:
             self._cursor = Cursor(messages[-1].sequence, messages[-1].toss_id)
+            for message in messages:
+                self._taken[message.sequence] = record = _record_of(message)
+                self._numbers[record] = message.sequence
+            while len(self._taken) > REMEMBERED:
+                number = next(iter(self._taken))
+                self._numbers.pop(self._taken.pop(number), None)
             self._worker.do(partial(self._hand_over, self._generation, messages, self._cursor))
 
     def _hand_over(self, generation: int, messages: Sequence[Any], cursor: Cursor) -> None:
@@ -194,3 +220,8 @@ class CatchUp:
         if self._asked is not None:
             self._client.remove_pending_request(self._asked)
             self._asked = None
+
+
+def _record_of(message: Any) -> str:
+    """What has one number in a store: a toss, or its information at one theta."""
+    return f"{message.toss_id} {getattr(message, 'parameters_version', '')}"
