@@ -28,10 +28,17 @@ LARGEST_BYTES = 1 << 16
 
 
 class Cursor(NamedTuple):
-    """The last numbered message that was taken: its number and its toss; zero and empty before the first."""
+    """The last numbered message that was taken; zero and empty before the first.
+
+    Attributes:
+        sequence: its number.
+        toss_id: its toss.
+        version: of the theta, if it is information.
+    """
 
     sequence: int = 0
     toss_id: str = ""
+    version: str = ""
 
 
 class Stamped(NamedTuple):

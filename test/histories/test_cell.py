@@ -118,6 +118,15 @@ FAILED: dict[str, History] = {
         *(("cut",),) * 4,
         ("reorder", "toss>scorer"),
     ),
+    "the same toss has the first number of the next store, at another theta": (
+        ("begin", False, 1.0),
+        ("publish_theta", 1),
+        ("go_on", 3, 23),
+        ("cut",),
+        ("go_on", 3, 39),
+        ("remove", "scorer"),
+        ("cover", 0.5),
+    ),
     "the machine dies twice": (
         ("begin", False, 0.9),
         *(("cut",),) * 3,

@@ -83,8 +83,8 @@ class CatchUp:
         self._caught_up = caught_up
         self._cursor = self._handled = cursor
         self._newest = cursor.sequence
-        self._taken: dict[int, str] = {}  # records by number, and numbers by record
-        self._numbers: dict[str, int] = {}
+        self._taken: dict[int, tuple[str, ...]] = {}  # tosses, and their versions, by number
+        self._numbers: dict[tuple[str, ...], int] = {}
         self._confirmed = cursor.sequence == 0
         self._checking = False
         self._generation = 0
@@ -134,7 +134,7 @@ class CatchUp:
             elif self._confirmed and message.sequence == self._cursor.sequence + 1:
                 self._take([message])
                 return
-            elif message.sequence <= self._cursor.sequence and Cursor(message.sequence, message.toss_id) != self._cursor:
+            elif message.sequence <= self._cursor.sequence and _cursor_at(message) != self._cursor:
                 self._confirmed = False
             missing = not self._confirmed or message.sequence > self._cursor.sequence
         if missing:
@@ -187,21 +187,22 @@ class CatchUp:
         """Whether the cursor belongs to this source; a re-created store has another toss at its number, or none."""
         if self._checking:
             first = messages[0] if messages else None
-            self._confirmed = first is not None and Cursor(first.sequence, first.toss_id) == self._cursor
+            self._confirmed = first is not None and _cursor_at(first) == self._cursor
             return self._confirmed
         return last_sequence >= self._cursor.sequence
 
     def _contradicts(self, message: Any) -> bool:
         """Whether its number came with another record before, or its record with another number."""
-        record, number = _record_of(message), message.sequence
+        number, *parts = _cursor_at(message)
+        record = tuple(parts)
         return self._taken.get(number, record) != record or self._numbers.get(record, number) != number
 
     def _take(self, messages: Sequence[Any]) -> None:
         if messages:
-            self._cursor = Cursor(messages[-1].sequence, messages[-1].toss_id)
-            for message in messages:
-                self._taken[message.sequence] = record = _record_of(message)
-                self._numbers[record] = message.sequence
+            self._cursor = _cursor_at(messages[-1])
+            for number, *record in map(_cursor_at, messages):
+                self._taken[number] = tuple(record)
+                self._numbers[tuple(record)] = number
             while len(self._taken) > REMEMBERED:
                 number = next(iter(self._taken))
                 self._numbers.pop(self._taken.pop(number), None)
@@ -222,6 +223,6 @@ class CatchUp:
             self._asked = None
 
 
-def _record_of(message: Any) -> str:
-    """What has one number in a store: a toss, or its information at one theta."""
-    return f"{message.toss_id} {getattr(message, 'parameters_version', '')}"
+def _cursor_at(message: Any) -> Cursor:
+    """Position after a message of a toss, or of its information."""
+    return Cursor(message.sequence, message.toss_id, getattr(message, "parameters_version", ""))
