@@ -56,6 +56,9 @@ REFINED = 8
 """Throws of the batch that is also refined."""
 
 NAMES = [f"throw-{number}" for number in range(REFINED)]
+KNOWN = 12
+"""Tosses that are known when the next throw is timed."""
+
 EXECUTIONS = 16
 """Tries of each batch with noise."""
 
@@ -298,8 +301,10 @@ def timings(loss: LossConfig, repeats: int) -> list[Timing]:
     """Of what a user waits for."""
     particle = Particle(ContactGeometry.of_body(BODY), BODY, loss)
     planner = Planner([particle], config=DesignConfig())
-    known = planner.known()
     releases = planner.prior.draw(TIMED_THROWS, np.random.default_rng(0))
+    tosses = [thrown_toss(BODY, throw_of_state("known", BODY.name, state)) for state in releases.states(Placement())[:KNOWN]]
+    infos = [info for info in particle.scorer.score(tosses) if isinstance(info, TossInformation)]
+    known, informed = planner.known([infos]), planner.with_known([infos])
 
     def judged() -> None:
         planner.evaluator.refusals(releases)
@@ -307,7 +312,7 @@ def timings(loss: LossConfig, repeats: int) -> list[Timing]:
 
     jobs: dict[str, Callable[[], object]] = {
         f"{TIMED_THROWS} throws: limits of the release, 8 executions each, expected information": judged,
-        "next throw from a pool of 256, CMA-ES of 40 generations of 12": lambda: planner.plan(["next"], known, 0),
+        "next throw from a pool of 256, CMA-ES of 40 generations of 12": lambda: informed.plan(["next"], known, 0),
         "new theta: reference throws and prior information": lambda: Planner([particle], config=DesignConfig()),
     }
     processors = os.cpu_count() or 1

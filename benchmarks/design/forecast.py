@@ -3,7 +3,7 @@
 Theta is learned from exploration throws of the simulated arm. Then throws are designed, each alone, and drawn at random; the
 arm makes them, and gains in log-det are taken over the same known tosses:
 
-- planned: as the plan says
+- stated: as the plan says
 - own: of the model's own motion from the release as it was executed
 - own, measured: the same rolled out with four steps a frame, its velocities taken from the poses as the tracker's are
 - MuJoCo: of the true motion, as many frames as the toss has
@@ -48,7 +48,7 @@ from contact_curation.motion.transitions import states_of
 from contact_curation.simulation.arm.rig import ArmRig
 from contact_curation.simulation.world import free_motion
 
-COLUMNS = ("planned", "own", "own, measured", "MuJoCo", "MuJoCo, measured", "toss")
+COLUMNS = ("stated", "own", "own, measured", "MuJoCo", "MuJoCo, measured", "toss")
 EXACT = PredictionConfig(thinning=1)
 STEPS = 4
 """Of a frame, in the finer motion."""
@@ -145,7 +145,7 @@ def main() -> int:
         }  # fmt: skip
         for kind, throws in kinds.items():
             found[kind] += [row for throw in throws if (row := session.row(throw))]
-    print(f"| throws | {' | '.join(COLUMNS)} | toss over planned |\n|{'---|' * (len(COLUMNS) + 2)}")
+    print(f"| throws | {' | '.join(COLUMNS)} | toss over stated |\n|{'---|' * (len(COLUMNS) + 2)}")
     for kind, rows in found.items():
         means = np.mean(rows, axis=0)
         print(f"| {kind} | {' | '.join(f'{mean:.2f}' for mean in means)} | {means[-1] / means[0]:.2f} |")

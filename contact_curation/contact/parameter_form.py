@@ -12,7 +12,7 @@ with its own P parameters, dQ/dtheta, so that scores change as g C and Fisher ma
   have a restitution, behind the vertices.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -164,3 +164,29 @@ def _rigid_form(geometry: ContactGeometry, physical: ParameterForm) -> Parameter
         chart = np.insert(np.vstack([chart, np.zeros(chart.shape[1])]), own, 0.0, axis=1)
         chart[-1, own] = 1.0
     return ParameterForm(Form.RIGID, blocks, chart, np.zeros((0, chart.shape[1])), physical.tilt_axes)
+
+
+def moved_geometry(geometry: ContactGeometry, form: ParameterForm, step: Array) -> ContactGeometry:
+    """The geometry with theta of its physical or rigid form changed by `step` (P,).
+
+    Lengths add, friction is multiplied, and the ground turns with the tilt.
+    """
+    change = form.chart @ step
+    own, whole = 3 * geometry.vertex_count, 6 * geometry.vertex_count + 3
+    turned = geometry.normal + change[own : own + 3]
+    normal = turned / np.linalg.norm(turned)
+    level = form.tilt_axes - np.outer(form.tilt_axes @ normal, normal)
+    first = level[0] / np.linalg.norm(level[0])
+    second = level[1] - (level[1] @ first) * first
+    axes = np.stack([first, second / np.linalg.norm(second)])
+    friction = np.linalg.norm(geometry.tangents[0]) * np.exp(step[form.names().index("friction")])
+    bounce = geometry.restitution
+    return replace(
+        geometry,
+        vertices_normal=geometry.vertices_normal + change[:own].reshape(-1, 3),
+        normal=normal,
+        vertices_tangent=geometry.vertices_tangent + change[own + 3 : whole].reshape(-1, 3),
+        tangents=friction * axes,
+        height=geometry.height + float(change[whole + 6]),
+        restitution=None if bounce is None else float(np.clip(bounce + change[-1], 0.0, 1.0)),
+    )

@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise, NoiseConfig, balanced_draws
+from contact_curation.design.posterior import posterior_draws
 from contact_curation.design.predicted_information import (
     DEFAULT_PREDICTION,
     Particle,
@@ -22,6 +23,7 @@ from contact_curation.design.safety import DEFAULT_SAFETY, Feasible, SafetyConfi
 from contact_curation.design.throw import throw_of_state
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.record import TossInformation
 
 MOST_DRAWS = 64
 """Times the wanted number of releases that are drawn to find enough safe ones."""
@@ -112,6 +114,7 @@ class CandidateEvaluator:
         config: how.
         feasible: what the thrower says; None where it can throw anything.
         simulated: told how many throws were simulated, piece by piece.
+        moving: per particle, the thetas that executions move by, one each; none to move by its own.
 
     Raises:
         InvalidValueError: no theta, or thetas of different bodies or forms.
@@ -124,8 +127,9 @@ class CandidateEvaluator:
         config: CandidateConfig,
         feasible: Feasible | None = None,
         simulated: Callable[[int], None] = lambda count: None,
+        moving: Sequence[Sequence[ContactGeometry]] = (),
     ) -> None:
-        self._simulated = simulated
+        self._simulated, self._moving = simulated, moving or [()] * len(particles)
         self.particles = tuple(_alike(particles))
         self.config = config
         self.noise = noise
@@ -135,6 +139,16 @@ class CandidateEvaluator:
     def with_noise(self, noise: ExecutionNoise) -> "CandidateEvaluator":
         """The same evaluator with another execution noise."""
         return CandidateEvaluator(self.particles, noise, self.config, self.safety.feasible, self._simulated)
+
+    def afresh(self, executions: int, known: Sequence[Sequence[TossInformation]]) -> "CandidateEvaluator":
+        """The same evaluator with so many other executions, by which no throw was chosen.
+
+        Each moves by a theta of its own, drawn from those that known tosses, given per particle, leave open.
+        """
+        seed = self.config.seed + 1
+        config = replace(self.config, forecast=replace(self.config.forecast, executions=executions), seed=seed)
+        moving = [posterior_draws(*one, executions, seed) for one in zip(self.particles, known, strict=True)]
+        return CandidateEvaluator(self.particles, self.noise, config, self.safety.feasible, self._simulated, moving)
 
     def draw_safe(self, prior: ReleasePrior, count: int, rng: np.random.Generator) -> Releases:
         """Draws releases until so many may be thrown, by what they show themselves.
@@ -198,8 +212,8 @@ class CandidateEvaluator:
         executed = self.noise.executions(states, draws).reshape(-1, 13)
         informations: list[PredictedInformation] = []
         refusals: list[str | None] = [None] * len(states)
-        for particle in self.particles:
-            motions = predicted_motions(particle, executed, config)
+        for particle, moving in zip(self.particles, self._moving, strict=True):
+            motions = predicted_motions(particle, executed, config, moving)
             self._simulated(len(executed))
             informations.append(information_of_executions(particle, motions, executions, config))
             found = self.safety.of_motions(particle, motions, executions, config)

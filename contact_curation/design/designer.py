@@ -72,7 +72,7 @@ class AdaptiveDesign:
         self._throws = list(throws)
         self._infos = [list(infos) for infos in (known or [()] * len(planner.particles))]
         self._known = planner.known(self._infos)
-        self._planner = planner
+        self._planner = planner.with_known(self._infos)
         self._learn()
 
     @property
@@ -96,7 +96,7 @@ class AdaptiveDesign:
 
     def predicted(self, throw: Throw) -> Throw:
         """A throw that was planned elsewhere, with the gain that is predicted for it here and now."""
-        candidate = self._planner.evaluator.evaluate(Releases.of_states(throw.release[None]))
+        candidate = self._planner.forecast(Releases.of_states(throw.release[None]))
         gain = float(gains(self._known, candidate.fishers)[0])
         return replace(throw, expected_information=gain, parameters_version=self._planner.version)
 
@@ -116,6 +116,7 @@ class AdaptiveDesign:
         for infos, info in zip(self._infos, realised, strict=True):
             infos.append(info)
         self._known = self._planner.known(self._infos)
+        self._planner = self._planner.with_known(self._infos)
         return Realised(throw.throw_id, realised[0].toss_id, throw.expected_information, gain)
 
     def _learn(self) -> None:

@@ -120,4 +120,4 @@ def exploration_plan(
         if not refused:
             break
         fine = fine[~np.isin(fine, refused)]
-    return planner.planned(names, planner.evaluator.evaluate(releases.taken(picked)), known, refusals)
+    return planner.planned(names, planner.forecast(releases.taken(picked)), known, refusals)

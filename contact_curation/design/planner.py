@@ -36,6 +36,9 @@ from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.record import TossInformation
 from contact_curation.information.ties import descending
 
+STATED = 32
+"""Executions over which the gain of a planned throw is stated."""
+
 FINALISTS_EACH = 16
 """Of a pool for many throws there are at least so many finalists for each."""
 
@@ -77,7 +80,7 @@ class DesignConfig:
         each, search = self.candidates.forecast.executions, self.refinement
         finalists = min(self.pool, max(self.finalists, FINALISTS_EACH * count))
         moves = count * search.generations * search.population * search.executions
-        return (self.reference + finalists) * each + self.pool * self.sieve + moves
+        return (self.reference + finalists) * each + self.pool * self.sieve + moves + count * STATED
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +89,11 @@ class Plan:
 
     Attributes:
         throws: with the gain of each given those before it.
-        fishers: per particle (B, P, P), their expected information.
         refused: releases of the pool that may not be thrown, by the limit.
         pool: how many were looked at.
     """
 
     throws: tuple[Throw, ...]
-    fishers: tuple[Array, ...]
     refused: Counter[str]
     pool: int
 
@@ -131,12 +132,19 @@ class Planner:
         how = self.config.candidates
         self.evaluator = CandidateEvaluator(particles, noise or ExecutionNoise.expected(how.noise), how, feasible, simulated)
         self._reference = self.evaluator.with_noise(ExecutionNoise.expected(how.noise)).evaluate(self._referred())
+        self._informations: Sequence[Sequence[TossInformation]] = [()] * len(self.particles)
         self._coordinates = [prior_coordinates(fishers, self.config.share) for fishers in self._reference.expected]
 
     def with_noise(self, noise: ExecutionNoise) -> "Planner":
         """The same with other noise of executions; A0 stays what it was, so that gains can be compared."""
         planner = copy(self)
         planner.evaluator = self.evaluator.with_noise(noise)
+        return planner
+
+    def with_known(self, informations: Sequence[Sequence[TossInformation]]) -> "Planner":
+        """The same for gains by what known tosses, given per particle, leave open of theta."""
+        planner = copy(self)
+        planner._informations = informations
         return planner
 
     @property
@@ -180,21 +188,26 @@ class Planner:
         if batch is None:
             raise self._too_few(candidates, len(names))
         batch = refined(self.evaluator, known, batch, self.config.refinement, seed)
-        batch = batch.taken(greedy_batch(self.particles, known, batch.expected, len(names)).indices)  # best first
-        return self.planned(names, batch, known, candidates.refusals)
+        stated = self.forecast(batch.releases)
+        stated = stated.taken(greedy_batch(self.particles, known, stated.expected, len(names)).indices)  # best first
+        return self.planned(names, stated, known, candidates.refusals)
 
     def planned(
-        self, names: Sequence[str], batch: Candidates, known: Sequence[Accumulated], refusals: Sequence[str | None] = ()
+        self, names: Sequence[str], stated: Candidates, known: Sequence[Accumulated], refusals: Sequence[str | None] = ()
     ) -> Plan:
-        """The plan to make a batch in its order."""
+        """The plan to make a batch in its order, with what `forecast` says of it."""
         throws = []
         for index, name in enumerate(names):
-            gain = float(gains(known, [fishers[[index]] for fishers in batch.fishers])[0])
+            gain = float(gains(known, [fishers[[index]] for fishers in stated.fishers])[0])
             body = self.particles[0].body.name
-            throws.append(throw_of_state(name, body, batch.states[index], gain, self.version))
-            known = [with_fishers(state, fishers[[index]]) for state, fishers in zip(known, batch.expected)]
+            throws.append(throw_of_state(name, body, stated.states[index], gain, self.version))
+            known = [with_fishers(state, fishers[[index]]) for state, fishers in zip(known, stated.expected)]
         refused = Counter(refusal.partition(":")[0] for refusal in refusals if refusal)
-        return Plan(tuple(throws), batch.expected, refused, self.config.pool)
+        return Plan(tuple(throws), refused, self.config.pool)
+
+    def forecast(self, releases: Releases) -> Candidates:
+        """What releases are said to add, over executions that chose none of them, each at a theta that tosses leave open."""
+        return self.evaluator.afresh(STATED, self._informations).evaluate(releases)
 
     def pool(self, seed: int) -> Candidates:
         """Candidate releases and their predicted information."""
@@ -304,4 +317,4 @@ def _first(planner: Planner, names: Sequence[str], known: Sequence[Accumulated],
             picked.append(int(index))
     if len(picked) < len(names):
         raise InvalidValueError("releases that may be thrown", f"{len(picked)} of {len(scores)}", f"{len(names)}")
-    return planner.planned(names, candidates.taken(picked), known, candidates.refusals)
+    return planner.planned(names, planner.forecast(candidates.releases.taken(picked)), known, candidates.refusals)

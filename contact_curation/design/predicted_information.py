@@ -8,6 +8,7 @@ of a throw does not count; its heading does a little, since the tilt's axes are 
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -20,8 +21,8 @@ from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_s
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import form_of_geometry
-from contact_curation.contact.rollout import Rollout, rollout
-from contact_curation.contact.time_step import StepStatus, SweepLimits
+from contact_curation.contact.rollout import rollout
+from contact_curation.contact.time_step import STATE_SIZE, StepStatus, SweepLimits
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.scoring import Scorer, ScoringConfig
@@ -147,26 +148,30 @@ class PredictedInformation(NamedTuple):
     known: NDArray[np.bool_]
 
 
-def predicted_motions(particle: Particle, states: Array, config: PredictionConfig = DEFAULT_PREDICTION) -> Motions:
+def predicted_motions(
+    particle: Particle,
+    states: Array,
+    config: PredictionConfig = DEFAULT_PREDICTION,
+    geometries: Sequence[ContactGeometry] = (),
+) -> Motions:
     """The model's motions from releases.
 
     Args:
         particle: theta.
         states: (N, 13) releases in SI units.
         config: how.
+        geometries: G thetas to move by, release n by the (n modulo G)-th; by default the particle's own.
     """
-    scale = particle.body.length_scale
-    rolled = rollout(
-        particle.geometry,
-        particle.body,
-        scaled(states, scale),
-        config.frames,
-        config.frame_period,
-        SWEEPS,
-        particle.loss.threads or os.cpu_count() or 1,
-    )
-    motion = rolled.states.reshape(len(states), config.frames, 13)
-    return _until_rest(motion, rolled, scale, config)
+    scale, threads = particle.body.length_scale, particle.loss.threads or os.cpu_count() or 1
+    initial, moving = scaled(states, scale), geometries or (particle.geometry,)
+    motion = np.empty((len(states), config.frames, STATE_SIZE))
+    status = np.empty(motion.shape[:2], np.int32)
+    for first, geometry in enumerate(moving[: len(states)]):
+        own = slice(first, None, len(moving))
+        rolled = rollout(geometry, particle.body, initial[own], config.frames, config.frame_period, SWEEPS, threads)
+        motion[own] = rolled.states.reshape(-1, config.frames, STATE_SIZE)
+        status[own] = rolled.status.reshape(-1, config.frames)
+    return _until_rest(motion, status, scale, config)
 
 
 def predicted_information(
@@ -208,7 +213,7 @@ def scaled(states: Array, length: float) -> Array:
     return result
 
 
-def _until_rest(motion: Array, rolled: Rollout, scale: float, config: PredictionConfig) -> Motions:
+def _until_rest(motion: Array, status: NDArray[np.int32], scale: float, config: PredictionConfig) -> Motions:
     with np.errstate(invalid="ignore", over="ignore"):  # of motions that the model could not follow
         slow = np.linalg.norm(motion[:, :, 7:10], axis=2) * scale < config.still_speed
         still = slow & (np.linalg.norm(motion[:, :, 10:], axis=2) < config.still_spin)
@@ -218,7 +223,7 @@ def _until_rest(motion: Array, rolled: Rollout, scale: float, config: Prediction
     rested = over.any(axis=1)
     frames = np.where(rested, over.argmax(axis=1) + 1, motion.shape[1])
     finite = np.isfinite(motion[np.arange(len(motion)), frames - 1]).all(axis=1)
-    bad = (rolled.status == StepStatus.NOT_FINITE).reshape(motion.shape[:2]).any(axis=1) & ~rested
+    bad = (status == StepStatus.NOT_FINITE).any(axis=1) & ~rested
     return Motions(motion, frames.astype(np.int64), rested, finite & ~bad)
 
 

@@ -153,7 +153,8 @@ def design_throws(task: DesignTask, count: int, simulated: Callable[[int], None]
     examples = np.array([_release(toss) for toss in task.examples]).reshape(-1, 13)
     feasible = _arm(particles[0].body) if task.arm else None
     planner = Planner(particles, _prior(task, examples), config=task.config, feasible=feasible, simulated=simulated)
-    known = planner.known([_scored(particle, task.known) for particle in particles])
+    scored = [_scored(particle, task.known) for particle in particles]
+    known, planner = planner.known(scored), planner.with_known(scored)
     names = [f"{task.name}-{task.seed}-{number}" for number in range(count)]
     match task.method:
         case "prior":

@@ -204,19 +204,6 @@ def test_the_sentence_on_designed_throws_has_the_numbers_of_its_table() -> None:
         assert f"**-{value}** (-{far} to -{near})" in line, name
 
 
-def test_designed_throws_realise_the_share_of_their_gains_that_the_page_says() -> None:
-    found = [row for row in rows("designed_throws") if (row["world"], row["rule"]) == ("firm", "designed")]
-    planned, realised = (
-        {throws: sum(float(row[f"{name}_so_far"]) for row in found if row["throws"] == str(throws)) for throws in (8, 12, 16)}
-        for name in ("planned", "realised")
-    )
-    text = section("Designed throws")
-    said = re.search(r"realise (0\.\d\d) of the planned .*?\((0\.\d\d) up to the\s8th throw, (0\.\d\d) from the 13th", text)
-    assert said
-    shares = (realised[16] / planned[16], realised[8] / planned[8], (realised[16] - realised[12]) / (planned[16] - planned[12]))
-    assert [float(number) for number in said.groups()] == [round(share, 2) for share in shares]
-
-
 FITS = {
     "the cube as described": ("described", ""),
     "two sets": ("two", ""),
