@@ -30,6 +30,9 @@ lengths, of friction as a share."""
 LEAST = 1e-16
 """Variance in a direction that is known exactly, so that the covariance has a root."""
 
+QUIETEST = 1e-12
+"""Least sigma^2, as a share of the information: of copies of one toss the scores do not vary."""
+
 ROUNDS = 3
 """In which sigma^2 settles."""
 
@@ -60,11 +63,14 @@ def _covariance(known: Sequence[TossInformation], form: ParameterForm) -> Array:
     scores = np.array([info.score_sum for info in known])
     scores -= scores.mean(axis=0)
     before = np.eye(form.size) / BEFORE**2
+    size = float(np.trace(information)) * BEFORE**2
+    if not size > 0.0:
+        return np.asarray(np.eye(form.size) * BEFORE**2)
     variance = 1.0
     for _ in range(ROUNDS):
         inverse = np.linalg.inv(information + variance * before)
         found = np.einsum("ip,pq,iq->", scores, inverse, scores) / np.trace(inverse @ information)
-        variance = found * len(known) / (len(known) - 1.0)
+        variance = max(float(found) * len(known) / (len(known) - 1.0), QUIETEST * size)
     inverse = np.linalg.inv(information + variance * before)
     disagreement = scores.T @ scores * (len(known) / (len(known) - 1.0))
     sandwich = inverse @ (disagreement + variance**2 * before) @ inverse

@@ -111,3 +111,9 @@ def test_a_geometry_moves_as_the_model_does(form: Form, restitution: float | Non
     np.testing.assert_allclose(slide, wanted, atol=1e-12)
     assert found.restitution == (None if restitution is None else pytest.approx(expected.restitution))
     assert found.noise == geometry.noise
+
+
+def test_copies_of_a_toss_and_tosses_without_information_leave_thetas_that_are_finite(infos: list[TossInformation]) -> None:
+    blind = replace(infos[0], factor=np.zeros_like(infos[0].factor), score_sum=np.zeros(FORM.size))
+    assert np.isfinite(steps([infos[0]] * 5)).all()
+    assert steps([blind] * 5, 2000).std() == pytest.approx(BEFORE, rel=0.02)
