@@ -30,9 +30,9 @@ import torch
 from benchmarks.data.lost_frames import SQUARE, planar_tosses
 from benchmarks.learning.impact_noise import bench_of
 from contact_curation.contact.body import Body
-from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, UPWARD
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, INITIAL_RESTITUTION, UPWARD
 from contact_curation.contact.impulse_noise import ImpulseNoise
-from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel, initial_geometry
+from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.information.impacts import merged_impacts

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks._data import contactnets_folder
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, ContactGeometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.criteria.exchanges import SwapStreaming
@@ -36,8 +36,6 @@ SIZES = (8, 16, 32)
 SEEDS = range(20)
 STREAMS = range(5)
 EPSILONS = (0.5, 0.2, 0.1)
-INITIAL_NOISE = 0.4
-"""Of vertices in half-widths, and of tangents relative to friction (method.md 1.1)."""
 
 
 @dataclass(frozen=True)

@@ -33,8 +33,8 @@ import torch
 from benchmarks._data import contactnets_folder, training_and_held_out
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, ContactGeometry
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
 from contact_curation.design.predicted_information import DEFAULT_PREDICTION, Motions, Particle, predicted_motions

@@ -18,6 +18,9 @@ from contact_curation.geometry.quaternions import Array
 
 UPWARD: Array = np.array([0.0, 0.0, 1.0])
 
+INITIAL_NOISE = 0.4
+"""Standard deviation of the published initialisation, in half widths and as a share of the friction (method.md 1.1)."""
+
 INITIAL_RESTITUTION = 0.2
 """Where one that is learned begins."""
 

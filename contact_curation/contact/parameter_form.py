@@ -12,6 +12,7 @@ with its own P parameters, dQ/dtheta, so that scores change as g C and Fisher ma
   have a restitution, behind the vertices.
 """
 
+import math
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
@@ -172,21 +173,33 @@ def moved_geometry(geometry: ContactGeometry, form: ParameterForm, step: Array) 
     Lengths add, friction is multiplied, and the ground turns with the tilt.
     """
     change = form.chart @ step
-    own, whole = 3 * geometry.vertex_count, 6 * geometry.vertex_count + 3
-    turned = geometry.normal + change[own : own + 3]
-    normal = turned / np.linalg.norm(turned)
-    level = form.tilt_axes - np.outer(form.tilt_axes @ normal, normal)
-    first = level[0] / np.linalg.norm(level[0])
-    second = level[1] - (level[1] @ first) * first
-    axes = np.stack([first, second / np.linalg.norm(second)])
-    friction = np.linalg.norm(geometry.tangents[0]) * np.exp(step[form.names().index("friction")])
+    own, tangents = 3 * geometry.vertex_count, 6 * geometry.vertex_count + 3
+    place = form.names().index("friction")
+    friction = np.linalg.norm(geometry.tangents[0])
+    turned = tilt_turn(*step[place + 1 : place + 3].tolist())[0] @ np.vstack([geometry.normal, geometry.tangents / friction])
     bounce = geometry.restitution
     return replace(
         geometry,
         vertices_normal=geometry.vertices_normal + change[:own].reshape(-1, 3),
-        normal=normal,
-        vertices_tangent=geometry.vertices_tangent + change[own + 3 : whole].reshape(-1, 3),
-        tangents=friction * axes,
-        height=geometry.height + float(change[whole + 6]),
+        normal=turned[0],
+        vertices_tangent=geometry.vertices_tangent + change[own + 3 : tangents].reshape(-1, 3),
+        tangents=friction * np.exp(step[place]) * turned[1:],
+        height=geometry.height + float(step[-1]),
         restitution=None if bounce is None else float(np.clip(bounce + change[-1], 0.0, 1.0)),
     )
+
+
+def tilt_turn(a: float, b: float) -> tuple[Array, Array]:
+    """Q (3, 3), which turns the ground's frame by a tilt t = (a, b), and its derivatives (2, 3, 3) by it.
+
+    The rows of the frame are the normal and the two tilt axes; contact/models/polytope.py has the formula.
+    """
+    size = math.sqrt(1.0 + a * a + b * b)
+    u, c = 1.0 / size, 1.0 / (size * (size + 1.0))
+    turn = [[u, u * a, u * b], [-u * a, 1.0 - c * a * a, -c * a * b], [-u * b, -c * a * b, 1.0 - c * b * b]]
+    by_size = -(2.0 * size + 1.0) * c * c  # of c
+    ua, ub, ca, cb = -a * u**3, -b * u**3, by_size * a * u, by_size * b * u  # of u and c, by a and by b
+    along_a, along_b, cross_a, cross_b = ua * a + u, ub * b + u, ca * a * b + c * b, cb * a * b + c * a
+    by_a = [[ua, along_a, ua * b], [-along_a, -ca * a * a - 2.0 * c * a, -cross_a], [-ua * b, -cross_a, -ca * b * b]]
+    by_b = [[ub, ub * a, along_b], [-ub * a, -cb * a * a, -cross_b], [-along_b, -cross_b, -cb * b * b - 2.0 * c * b]]
+    return np.array(turn), np.array([by_a, by_b])

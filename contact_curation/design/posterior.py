@@ -14,18 +14,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, ContactGeometry
 from contact_curation.contact.parameter_form import Form, ParameterForm, moved_geometry
 from contact_curation.design.predicted_information import Particle
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
+from contact_curation.information.subspace import identifiable_subspace, sandwich_covariance
 
 FEWEST = 4
 """Tosses whose scores say how much they vary."""
-
-BEFORE = 0.4
-"""Standard deviation of every parameter before any toss, that of the published initialisation: of lengths in characteristic
-lengths, of friction as a share."""
 
 LEAST = 1e-16
 """Variance in a direction that is known exactly, so that the covariance has a root."""
@@ -61,18 +58,16 @@ def _covariance(known: Sequence[TossInformation], form: ParameterForm) -> Array:
     """(P, P) of theta."""
     information = np.sum([info.fisher() for info in known], axis=0)
     scores = np.array([info.score_sum for info in known])
-    scores -= scores.mean(axis=0)
-    before = np.eye(form.size) / BEFORE**2
-    size = float(np.trace(information)) * BEFORE**2
+    scores = np.sqrt(len(known) / (len(known) - 1.0)) * (scores - scores.mean(axis=0))
+    before = np.eye(form.size) / INITIAL_NOISE**2
+    size = float(np.trace(information)) * INITIAL_NOISE**2
     if not size > 0.0:
-        return np.asarray(np.eye(form.size) * BEFORE**2)
+        return np.asarray(np.eye(form.size) * INITIAL_NOISE**2)
     variance = 1.0
     for _ in range(ROUNDS):
-        inverse = np.linalg.inv(information + variance * before)
-        found = np.einsum("ip,pq,iq->", scores, inverse, scores) / np.trace(inverse @ information)
-        variance = max(float(found) * len(known) / (len(known) - 1.0), QUIETEST * size)
-    inverse = np.linalg.inv(information + variance * before)
-    disagreement = scores.T @ scores * (len(known) / (len(known) - 1.0))
-    sandwich = inverse @ (disagreement + variance**2 * before) @ inverse
-    variances, directions = np.linalg.eigh(0.5 * (sandwich + sandwich.T))
-    return np.asarray(directions * np.clip(variances, LEAST, BEFORE**2) @ directions.T)
+        white = identifiable_subspace(information + variance * before).whitening
+        variance = max(float(((scores @ white) ** 2).sum() / np.trace(white.T @ information @ white)), QUIETEST * size)
+    bread = identifiable_subspace(information + variance * before)
+    sandwich = sandwich_covariance(bread, np.concatenate([scores, variance * np.sqrt(before)]))
+    variances, directions = np.linalg.eigh(sandwich)
+    return np.asarray(directions * np.clip(variances, LEAST, INITIAL_NOISE**2) @ directions.T)

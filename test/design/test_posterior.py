@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import torch
 
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, moved_geometry, parameter_form
 from contact_curation.design.execution_noise import balanced_draws
 from contact_curation.design.planner import STATED, Planner
-from contact_curation.design.posterior import BEFORE, posterior_draws
+from contact_curation.design.posterior import posterior_draws
 from contact_curation.design.predicted_information import Particle, predicted_information, predicted_motions
 from contact_curation.design.releases import Releases
 from contact_curation.geometry.quaternions import Array
@@ -44,14 +45,14 @@ def test_draws_are_mirrored_and_the_same_for_the_same_seed(infos: list[TossInfor
 
 def test_four_times_the_tosses_leave_half_open(infos: list[TossInformation]) -> None:
     few, many = (np.sqrt((steps(known) ** 2).mean(axis=0)) for known in (infos, 4 * infos))
-    measured = few < 0.2 * BEFORE
+    measured = few < 0.2 * INITIAL_NOISE
     assert measured.sum() > 0.6 * FORM.size
     np.testing.assert_allclose(few[measured] / many[measured], 2.0, rtol=0.15)
 
 
 def test_louder_scores_leave_more_open(infos: list[TossInformation]) -> None:
     loud = [replace(info, score_sum=3.0 * info.score_sum) for info in infos]
-    measured = np.sqrt((steps(infos) ** 2).mean(axis=0)) < 0.05 * BEFORE
+    measured = np.sqrt((steps(infos) ** 2).mean(axis=0)) < 0.05 * INITIAL_NOISE
     ratio = np.sqrt((steps(loud) ** 2).mean(axis=0))[measured] / np.sqrt((steps(infos) ** 2).mean(axis=0))[measured]
     assert np.median(ratio) == pytest.approx(3.0, rel=0.01)
     assert ratio.min() > 2.5
@@ -63,7 +64,7 @@ def test_what_no_toss_tells_of_is_as_open_as_before(infos: list[TossInformation]
         factor, score = np.array(info.factor), np.array(info.score_sum)
         factor[:, 0], score[0] = 0.0, 0.0
         blind.append(replace(info, factor=factor, score_sum=score))
-    assert steps(blind, 2000)[:, 0].std() == pytest.approx(BEFORE, rel=0.06)
+    assert steps(blind, 2000)[:, 0].std() == pytest.approx(INITIAL_NOISE, rel=0.06)
 
 
 def test_few_tosses_and_thetas_without_a_physical_form_are_taken_as_they_are(infos: list[TossInformation]) -> None:
@@ -105,10 +106,8 @@ def test_a_geometry_moves_as_the_model_does(form: Form, restitution: float | Non
     with torch.no_grad():
         expected = moved(PolytopeModel(geometry, CUBE, form), step).geometry()
     found = moved_geometry(geometry, own, step)
-    for name in ("vertices_normal", "vertices_tangent", "normal", "height"):
+    for name in ("vertices_normal", "vertices_tangent", "normal", "tangents", "height"):
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12, err_msg=name)
-    slide, wanted = (one.tangents.T @ one.tangents for one in (found, expected))  # whichever way the tangents are turned
-    np.testing.assert_allclose(slide, wanted, atol=1e-12)
     assert found.restitution == (None if restitution is None else pytest.approx(expected.restitution))
     assert found.noise == geometry.noise
 
@@ -116,4 +115,4 @@ def test_a_geometry_moves_as_the_model_does(form: Form, restitution: float | Non
 def test_copies_of_a_toss_and_tosses_without_information_leave_thetas_that_are_finite(infos: list[TossInformation]) -> None:
     blind = replace(infos[0], factor=np.zeros_like(infos[0].factor), score_sum=np.zeros(FORM.size))
     assert np.isfinite(steps([infos[0]] * 5)).all()
-    assert steps([blind] * 5, 2000).std() == pytest.approx(BEFORE, rel=0.02)
+    assert steps([blind] * 5, 2000).std() == pytest.approx(INITIAL_NOISE, rel=0.02)

@@ -20,10 +20,9 @@ from torch import Tensor
 from contact_curation.contact.body import Body
 from contact_curation.contact.compiled.descent import DescentTask, KernelDescent
 from contact_curation.contact.compiled.network_descent import DescentParts, network_descent
-from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, UPWARD, ContactGeometry
 from contact_curation.contact.models.defaults import ModelDefaults
 from contact_curation.contact.models.model import ContactModel, Rows
-from contact_curation.contact.models.polytope import INITIAL_NOISE
 from contact_curation.contact.models.stream_network import InputScaling, LayerTrace, StreamNetwork, spin_tangents
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, gaps_at, jacobians_at

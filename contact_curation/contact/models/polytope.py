@@ -26,22 +26,19 @@ from torch import Tensor
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.compiled.descent import DescentTask, KernelDescent, polytope_descent
-from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, UPWARD, ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, INITIAL_RESTITUTION, UPWARD, ContactGeometry
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.explicit_parameters import ExplicitParameters
 from contact_curation.contact.models.model import BatchLoss, ContactModel, Rows, setting
 from contact_curation.contact.models.stream_network import LayerTrace
-from contact_curation.contact.parameter_form import Form, parameter_form
+from contact_curation.contact.parameter_form import Form, parameter_form, tilt_turn
 from contact_curation.contact.rollout import Rollout, rollout
 from contact_curation.contact.time_step import DEFAULT_LIMITS, SweepLimits
 from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of, gaps_at, jacobians_at
 from contact_curation.contact.torch_loss import polytope_losses, scale_excess
 from contact_curation.geometry.quaternions import Array
 from contact_curation.solver.cone_problem import MAX_CONTACTS
-
-INITIAL_NOISE = 0.4
-"""Standard deviation of the published initialisation, in half widths and as a share of the friction (method.md 1.1)."""
 
 FRICTIONS = (1e-9, 1e3)
 """Least and largest friction that a step of a fit may lead to: beyond them nothing moves in another way."""
@@ -271,7 +268,7 @@ class _TiltedPlane(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, tilt: Tensor, log_friction: Tensor, frame: Tensor) -> tuple[Tensor, Tensor]:
         axes, friction = frame.cpu().numpy(), math.exp(float(log_friction))
-        turn, by_lean = _turn(*tilt.tolist())
+        turn, by_lean = tilt_turn(*tilt.tolist())
         ctx.slopes, ctx.friction = by_lean @ axes, friction  # (2, 3, 3): of the turned frame
         turned = turn @ axes
         ctx.tangents = friction * turned[1:]
@@ -284,16 +281,3 @@ class _TiltedPlane(torch.autograd.Function):
         by_tilt = ctx.slopes[:, 0] @ first + ctx.friction * (ctx.slopes[:, 1:] * rest).sum(axis=(1, 2))
         by_friction = np.sum(ctx.tangents * rest)
         return torch.from_numpy(by_tilt).to(by_normal), torch.as_tensor(by_friction).to(by_normal), None
-
-
-def _turn(a: float, b: float) -> tuple[Array, Array]:
-    """Q (3, 3) and its derivatives (2, 3, 3) by the tilt t = (a, b)."""
-    size = math.sqrt(1.0 + a * a + b * b)
-    u, c = 1.0 / size, 1.0 / (size * (size + 1.0))
-    turn = [[u, u * a, u * b], [-u * a, 1.0 - c * a * a, -c * a * b], [-u * b, -c * a * b, 1.0 - c * b * b]]
-    by_size = -(2.0 * size + 1.0) * c * c  # of c
-    ua, ub, ca, cb = -a * u**3, -b * u**3, by_size * a * u, by_size * b * u  # of u and c, by a and by b
-    along_a, along_b, cross_a, cross_b = ua * a + u, ub * b + u, ca * a * b + c * b, cb * a * b + c * a
-    by_a = [[ua, along_a, ua * b], [-along_a, -ca * a * a - 2.0 * c * a, -cross_a], [-ua * b, -cross_a, -ca * b * b]]
-    by_b = [[ub, ub * a, along_b], [-ub * a, -cb * a * a, -cross_b], [-along_b, -cross_b, -cb * b * b - 2.0 * c * b]]
-    return np.array(turn), np.array([by_a, by_b])

@@ -32,9 +32,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contact_curation.contact.evaluation import Estimator, transition_weights
-from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.rows import Rows
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError

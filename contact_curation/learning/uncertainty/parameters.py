@@ -34,9 +34,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.evaluation import Estimator
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.model import Model
-from contact_curation.contact.models.polytope import INITIAL_NOISE, PolytopeModel
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array

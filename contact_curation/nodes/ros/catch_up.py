@@ -9,6 +9,7 @@ another record, or a record with another number, shows that, and everything is r
 """
 
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -83,8 +84,7 @@ class CatchUp:
         self._caught_up = caught_up
         self._cursor = self._handled = cursor
         self._newest = cursor.sequence
-        self._taken: dict[int, tuple[str, ...]] = {}  # tosses, and their versions, by number
-        self._numbers: dict[tuple[str, ...], int] = {}
+        self._taken = deque[Cursor](maxlen=REMEMBERED)
         self._confirmed = cursor.sequence == 0
         self._checking = False
         self._generation = 0
@@ -117,7 +117,6 @@ class CatchUp:
     def _begin_anew(self) -> None:
         self._cursor, self._handled, self._confirmed = Cursor(), Cursor(), True
         self._taken.clear()
-        self._numbers.clear()
 
     def _heard(self, heard: Any) -> None:
         """Takes a message of the topic if it is the next one; otherwise sends a request."""
@@ -193,19 +192,13 @@ class CatchUp:
 
     def _contradicts(self, message: Any) -> bool:
         """Whether its number came with another record before, or its record with another number."""
-        number, *parts = _cursor_at(message)
-        record = tuple(parts)
-        return self._taken.get(number, record) != record or self._numbers.get(record, number) != number
+        here = _cursor_at(message)
+        return any((one.sequence == here.sequence) != (one[1:] == here[1:]) for one in self._taken)
 
     def _take(self, messages: Sequence[Any]) -> None:
         if messages:
-            self._cursor = _cursor_at(messages[-1])
-            for number, *record in map(_cursor_at, messages):
-                self._taken[number] = tuple(record)
-                self._numbers[tuple(record)] = number
-            while len(self._taken) > REMEMBERED:
-                number = next(iter(self._taken))
-                self._numbers.pop(self._taken.pop(number), None)
+            self._taken.extend(map(_cursor_at, messages))
+            self._cursor = self._taken[-1]
             self._worker.do(partial(self._hand_over, self._generation, messages, self._cursor))
 
     def _hand_over(self, generation: int, messages: Sequence[Any], cursor: Cursor) -> None:
