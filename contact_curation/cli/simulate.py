@@ -4,6 +4,7 @@ import argparse
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.pipeline.wording import counted
 from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, executed_throw, thrown_toss
+from contact_curation.simulation.world import WorldConfig
 
 STAGES = ("simulation", "noise")
 
@@ -123,6 +125,8 @@ class _Thrower:
 
 
 def _thrower(arguments: argparse.Namespace) -> _Thrower:
-    stages = with_settings({"simulation": DEFAULT_THROWN, "noise": DEFAULT_NOISE}, arguments.settings)
+    body = chosen_body(arguments, throws=arguments.throws)
+    usual = replace(DEFAULT_THROWN, world=WorldConfig.of_body(body))
+    stages = with_settings({"simulation": usual, "noise": DEFAULT_NOISE}, arguments.settings)
     noise = ExecutionNoise.expected(stages["noise"]) if arguments.execution_noise else None
-    return _Thrower(chosen_body(arguments, throws=arguments.throws), stages["simulation"], noise, arguments.seed)
+    return _Thrower(body, stages["simulation"], noise, arguments.seed)

@@ -12,22 +12,26 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contact_curation.contact.body import Body
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.time_step import STATE_SIZE, checked_states
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.scales import size_of
+
+STEPS_IN_CONTACT = 6
+"""Time steps in the time constant of contacts."""
 
 
 @dataclass(frozen=True)
 class WorldConfig:
-    """Time step and contact softness. The defaults hold for all simulated tosses: by the arm, or replayed from a release.
+    """Time step and contact softness. The defaults are those of bodies as large as ContactNets' cube, or larger.
 
     With MuJoCo's default time constant of 20 ms a cube sinks 6 to 10 mm into the board at an impact, deeper than real cubes do.
     With 6 ms it sinks 1 to 4 mm, and predicts the real tosses as well (`python -m benchmarks.speed.rollout`).
 
     Attributes:
         longest_step: largest time step [s]; a frame is divided into equal steps.
-        contact_time: time constant of contacts [s]; MuJoCo needs at least two steps.
+        contact_time: time constant of contacts [s]; at least two steps, to which MuJoCo raises it.
         damping_ratio: of contacts; a cube that falls on a face leaves with 0.12 of its speed at 1, 0.3 at 0.4, 0.5 at 0.2.
     """
 
@@ -41,6 +45,12 @@ class WorldConfig:
                 unit = "" if name == "damping_ratio" else " of seconds"
                 raise InvalidValueError(name, getattr(self, name), f"a positive number{unit}")
 
+    @classmethod
+    def of_body(cls, body: Body) -> "WorldConfig":
+        """In which a body sinks no deeper for its size than the cube: a small one has shorter contacts, and steps."""
+        contact_time = cls.contact_time * min(1.0, size_of(body.vertices) / size_of(CONTACTNETS_CUBE.vertices))
+        return cls(min(cls.longest_step, contact_time / STEPS_IN_CONTACT), contact_time)
+
     def steps_in(self, frame_period: float) -> int:
         """Number of steps in a frame of `frame_period` [s]."""
         return int(np.ceil(frame_period / self.longest_step))
@@ -52,9 +62,7 @@ MUJOCO_DEFAULTS = WorldConfig(longest_step=0.0035, contact_time=0.02)
 """World of method.md 1.11: MuJoCo's default softness, with two steps a frame."""
 
 
-def world_of(
-    body: Body, step: float, contact_time: float = DEFAULT_WORLD.contact_time, damping_ratio: float = 1.0
-) -> mujoco.MjSpec:
+def world_of(body: Body, step: float, contact_time: float | None = None, damping_ratio: float = 1.0) -> mujoco.MjSpec:
     """Builds a world with a board (the plane z = 0) and a free body, with MuJoCo's defaults for everything else.
 
     The friction cone is elliptic. MuJoCo's default pyramid lies inside it and makes friction weaker in some directions.
@@ -62,8 +70,10 @@ def world_of(
     Args:
         body: shape, inertia and friction; its name is given to its body, joint and geom in MuJoCo.
         step: time step [s].
-        contact_time, damping_ratio: of contacts, see `WorldConfig`.
+        contact_time, damping_ratio: of contacts, see `WorldConfig`; None for that of the body.
     """
+    if contact_time is None:
+        contact_time = WorldConfig.of_body(body).contact_time
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = [0.0, 0.0, -body.gravity]

@@ -1,15 +1,20 @@
 """Throws in the simulated world: they leave as commanded, come to rest, and pass the gates of real tosses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.design.execution_noise import ExecutionNoise, errors_of
-from contact_curation.design.throw import throw_of_state
+from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.errors import InvalidValueError
-from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, executed_throw, thrown_toss
+from contact_curation.motion.gate_config import GateConfig
+from contact_curation.motion.pose_noise import RIG
+from contact_curation.motion.scales import scale_of
+from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, executed_throw, thrown_toss
+from contact_curation.simulation.world import WorldConfig
 from test.simulated import release_states
 
 CUBE = CONTACTNETS_CUBE
@@ -31,11 +36,29 @@ def test_a_toss_begins_with_the_throw_and_ends_flat_and_still() -> None:
 
 
 def test_contacts_are_firm_enough_for_the_gates_of_real_tosses() -> None:
-    deepest = min(
-        CUBE.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min()
-        for toss in (thrown_toss(CUBE, throw) for throw in THROWS)
+    assert -0.0059 < deepest(CUBE, THROWS) < 0.0  # the deepest of the real tosses
+
+
+@pytest.mark.parametrize("half_width", [0.002, 0.006, 0.02, 0.2])
+def test_bodies_of_any_size_sink_less_than_the_gates_allow(half_width: float) -> None:
+    body = replace(
+        CUBE,
+        vertices=half_width * np.sign(CUBE.vertices),
+        mass=1e6 * half_width**3,
+        inertia=1e6 * half_width**5 * 2.0 / 3.0 * np.eye(3),
+        length_scale=half_width,
     )
-    assert -0.0059 < deepest < 0.0  # the deepest of the real tosses
+    states = np.array([throw.release for throw in THROWS])
+    states[:, 2] += np.sqrt(3.0) * max(half_width - 0.0524, 0.0)
+    throws = [throw_of_state(f"throw-{number}", "cube", state) for number, state in enumerate(states)]
+    config = replace(DEFAULT_THROWN, world=WorldConfig.of_body(body))
+    assert -deepest(body, throws, config) < 0.5 * GateConfig().bounds(scale_of(body), RIG).depth
+
+
+def deepest(body: Body, throws: Sequence[Throw], config: ThrownTossConfig = DEFAULT_THROWN) -> float:
+    """Height of the lowest vertex in any frame of some throws [m]."""
+    tosses = (thrown_toss(body, throw, config) for throw in throws)
+    return min(float(body.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min()) for toss in tosses)
 
 
 def test_the_same_throw_gives_the_same_toss_and_noise_repeats_by_its_seed() -> None:
