@@ -26,7 +26,7 @@ from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.objective import mean_loss
 from contact_curation.learning.training.plan import TrainingPlan, begin, resume, stored
 from contact_curation.learning.training.progress import Progress, TrainingState
-from contact_curation.learning.training.protocols import TrainingConfig, budgeted, exact, published
+from contact_curation.learning.training.protocols import USUAL_STARTS, TrainingConfig, budgeted, exact, published
 from contact_curation.learning.training.reranking import RerankingConfig
 from contact_curation.learning.uncertainty.bounce import Bounce, bounce_of
 from contact_curation.learning.uncertainty.more_throws import MoreThrows, more_throws
@@ -37,10 +37,16 @@ from contact_curation.pipeline.reading import settings_of
 from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
 from contact_curation.version import __version__
 
+
+def _exact(kind: str) -> TrainingConfig:
+    form = Form.RIGID if model_class(kind).has_exact_fit(Form.RIGID) else Form.PHYSICAL
+    return replace(exact(starts=USUAL_STARTS), form=form)
+
+
 PROTOCOLS: dict[str, Callable[[str], TrainingConfig]] = {
     "budgeted": budgeted,
     "published": published,
-    "exact": lambda kind: exact() if model_class(kind).has_exact_fit(Form.RIGID) else replace(exact(), form=Form.PHYSICAL),
+    "exact": _exact,
 }
 """budgeted: so many steps in batches; published: ContactNets', until the held-out loss stops falling; exact: a polytope's
 optimum at once."""

@@ -184,6 +184,15 @@ ROUND_TRIMMED = 0.005
 """Share that rounds leave out by default, which learn from designed throws, too (docs/explanation/learning.md)."""
 
 
-def exact(trimmed: float = 0.0) -> TrainingConfig:
-    """The protocol that takes a polytope's optimum at once; with a share of the transitions to leave out."""
-    return replace(_budgeted(ModelDefaults()), form=Form.RIGID, exact=True, trimmed=trimmed)
+USUAL_STARTS = 4
+"""Of the fits of `train` and of rounds: bodies that are no boxes have false minima (docs/explanation/learning.md)."""
+
+
+def exact(trimmed: float = 0.0, starts: int = 1) -> TrainingConfig:
+    """The protocol that takes a polytope's optimum at once.
+
+    Args:
+        trimmed: share of the transitions to leave out.
+        starts: how many, of which the lowest minimum counts.
+    """
+    return replace(_budgeted(ModelDefaults()), form=Form.RIGID, exact=True, trimmed=trimmed, starts=starts)

@@ -14,7 +14,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
+from contact_curation.learning.training.protocols import ROUND_TRIMMED, USUAL_STARTS, TrainingConfig, budgeted, exact
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import evaluation_tosses
@@ -46,7 +46,7 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     if protocol == "exact" and not has_optimum:
         raise InvalidValueError("protocol", f"exact for {kind}, {form.value}", "budgeted, or a polytope, physical or rigid")
     if protocol != "budgeted" and has_optimum:
-        ours = exact(ROUND_TRIMMED)
+        ours = exact(ROUND_TRIMMED, USUAL_STARTS)
     trimmed = declare(
         node,
         "trimmed",
@@ -54,12 +54,14 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
         "share of the worst explained transitions that an exact fit leaves out",
         bounds=(0.0, 0.5),
     )
+    starts = declare(node, "starts", ours.starts, "how often an exact fit starts; the lowest minimum counts", bounds=(1, 1000))
     bounces = declare(node, "restitution", False, "whether an exact fit in the form rigid learns a restitution")
     steps = declare(node, "steps", ROUND_STEPS, "gradient steps in a round", bounds=(1, 1 << 31))
     return replace(
         ours,
         form=form,
         trimmed=trimmed,
+        starts=starts,
         restitution=bounces,
         batch=declare(node, "batch", ours.batch, "transitions in a gradient step", bounds=(1, 1 << 20)),
         steps=steps,
