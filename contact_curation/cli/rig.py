@@ -14,11 +14,12 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import NothingFoundError
 from contact_curation.motion.calibration import FEWEST_TOSSES, NO_CORRECTION
+from contact_curation.motion.survey.mass_centre import MassCentre
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig, worth_correcting
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.recording import read_recording
-from contact_curation.pipeline.reading import ReadingConfig, settings_of
+from contact_curation.pipeline.reading import ReadingConfig, center_of_mass_option, settings_of
 from contact_curation.pipeline.wording import counted_tosses
 
 NO_CORRECTION_NEEDED = "no correction needed: every interval holds 0, and the marker sits where it is described"
@@ -59,12 +60,14 @@ def run(arguments: argparse.Namespace) -> int:
     if evidence.fall is None or not evidence.fall.sound:
         raise NothingFoundError(concluded(evidence).verdict, warnings)
     warn(warnings)
-    found = estimate_rig(evidence.survey, body.polytope, body.gravity, fewest=FEWEST_TOSSES)
+    found = estimate_rig(evidence.survey, body.polytope, body.gravity, center=evidence.center, fewest=FEWEST_TOSSES)
     settings = settings_of(worth_correcting(found)) if stages["rig"] == NO_CORRECTION else ""
+    centre = evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig)
+    move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
     if arguments.json:
-        print_json(_document(found, settings, warnings))
+        print_json(_document(found, settings, move, warnings) | {"mass_centre": _centre_document(centre, move)})
     else:
-        print("\n".join(_lines(found, settings)))
+        print("\n".join((*_lines(found), _centre_line(centre, move), *_ways_to_correct(found, settings, move))))
     return 0
 
 
@@ -76,7 +79,7 @@ def _warnings(evidence: Evidence) -> Iterator[str]:
         yield f"{twice} series of poses are in the inputs twice: each counts once"
 
 
-def _document(found: RigEstimate, settings: str, warnings: Sequence[str]) -> dict[str, Any]:
+def _document(found: RigEstimate, settings: str, move: str, warnings: Sequence[str]) -> dict[str, Any]:
     height, turn, offset = _times(found.height, 1e3), found.marker_turn, found.marker_place
     return {
         "tosses": found.throws,
@@ -91,13 +94,21 @@ def _document(found: RigEstimate, settings: str, warnings: Sequence[str]) -> dic
             "offset_mm": [_times(one, 1e3)._asdict() for one in offset],
         },
         "unclear": list(found.doubts),
-        "correction_needed": not found.needs_none,
+        "correction_needed": bool(move) or not found.needs_none,
         "settings": settings,
         "warnings": list(warnings),
     }
 
 
-def _lines(found: RigEstimate, settings: str) -> Iterator[str]:
+def _centre_document(centre: MassCentre | None, option: str) -> dict[str, Any] | None:
+    if centre is None:
+        return None
+    spans = [_times(one, 1e3) for one in centre.intervals]
+    offset = [one._asdict() if np.isfinite(one.low) else None for one in spans]
+    return {"flights": centre.flights, "offset_mm": offset, "option": option}
+
+
+def _lines(found: RigEstimate) -> Iterator[str]:
     yield f"{counted_tosses(found.throws)}: {found.rests} come to rest, {found.falls} are long enough in the air"
     tilt, scale, height = found.tilt_interval, found.length_scale, _times(found.height, 1e3)
     normal = ", ".join(f"{value:.4f}" for value in found.rig.normal)
@@ -119,10 +130,21 @@ def _lines(found: RigEstimate, settings: str) -> Iterator[str]:
     else:
         yield "marker  the tracked frame is the described body's, as far as the rests tell"
     yield from (f"unclear {line}" for line in found.doubts)
-    if found.needs_none:
+
+
+def _centre_line(centre: MassCentre | None, option: str) -> str:
+    if centre is None:
+        return "mass    too few throws turn in the air to tell where the centre of mass is"
+    if not option:
+        return f"mass    bodies in the air turn about the described centre of mass ({centre.flights} flights)"
+    return f"mass    bodies in the air turn about a point {1e3 * centre.distance:.1f} mm from the described centre of mass"
+
+
+def _ways_to_correct(found: RigEstimate, settings: str, move: str) -> Iterator[str]:
+    if found.needs_none and not move:
         yield NO_CORRECTION_NEEDED
-    elif settings:
-        yield f"options that correct the tosses in other commands: {settings}"
+    elif said := " ".join(one for one in (move, settings) if one):
+        yield f"options that correct the tosses in other commands: {said}"
 
 
 def _times(one: Estimate, factor: float) -> Estimate:

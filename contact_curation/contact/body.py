@@ -1,11 +1,12 @@
 """The tossed object, as its user describes it in SI units."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from contact_curation.configs import plain_values
 from contact_curation.contact.body_description import (
@@ -53,6 +54,11 @@ class Body:
     def polytope(self) -> Polytope:
         """The body's shape in metres."""
         return Polytope(self.vertices)
+
+    def about(self, center_of_mass: ArrayLike) -> "Body":
+        """The same shape with its centre of mass (3,) elsewhere in the frame that a tracker follows [m]."""
+        center = np.asarray(center_of_mass, dtype=float)
+        return replace(self, vertices=self.vertices + self.center_of_mass - center, center_of_mass=center)
 
     @property
     def tracked_polytope(self) -> Polytope:

@@ -215,7 +215,6 @@ def _completed(path: Path, link: Link, options: BodyOptions) -> BodyDescription:
         notes.append(f"centre of mass: at {_millimetres(center)} mm in the file's frame; poses are taken to be of that frame")
     if options.length_scale is None:
         notes.append(f"length scale: {scale:.4g} m, half the edge of a cube of the same volume")
-    assumed = [] if friction is not None else [f"friction: none given, {ASSUMED_FRICTION:g} assumed: give --friction"]
     return BodyDescription(
         name=options.name or plain_name(link.name),
         vertices=corners.vertices,
@@ -229,7 +228,7 @@ def _completed(path: Path, link: Link, options: BodyOptions) -> BodyDescription:
         error=error,
         source=str(path),
         notes=tuple(notes),
-        warnings=(*_approximation(corners, error), *assumed),
+        warnings=(*_approximation(corners, error), *_assumed_friction(friction is not None)),
     )
 
 
@@ -256,6 +255,10 @@ def _approximation(corners: Corners, error: float) -> tuple[str, ...]:
     return (f"vertices: {which} stand for the hull and are at most {1e3 * error:.2g} mm inside it",)
 
 
+def _assumed_friction(is_given: bool) -> tuple[str, ...]:
+    return () if is_given else (f"friction: none given, {ASSUMED_FRICTION:g} assumed: give --friction",)
+
+
 def plain_name(text: str) -> str:
     """A name that topics and files may have: letters, digits and single underscores."""
     return "_".join(re.findall("[A-Za-z0-9]+", text)) or "body"
@@ -270,10 +273,17 @@ def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> Bod
     for name in ("density", "scale", "link"):
         if getattr(options, name) is not None:
             raise InvalidValueError(name, getattr(options, name), f"none for a body whose {' or '.join(SHAPES)} are listed")
-    told = body_of_mapping({**content, **{name: value for name, value in vars(options).items() if value is not None}})
+    given = {name: value for name, value in vars(options).items() if value is not None and name != "center_of_mass"}
+    stated = {**content, **given}
+    told = body_of_mapping({"friction": ASSUMED_FRICTION, "length_scale": 1.0, **stated})
+    if "length_scale" not in stated:
+        told["length_scale"] = derived_scale(of_hull(told["vertices"]).mass)
     if options.mass is not None and "mass" in content:
         told["inertia"] = told["inertia"] * (options.mass / number(content, "mass"))
     vertices = told.pop("vertices")
+    if options.center_of_mass is not None:
+        vertices = vertices + told["center_of_mass"] - options.center_of_mass
+        told["center_of_mass"] = options.center_of_mass
     corners = Corners(vertices, len(vertices), 0.0)
     if len(vertices) > MAX_CONTACTS:
         corners = hull_corners(vertices, MAX_CONTACTS)
@@ -283,5 +293,5 @@ def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> Bod
         hull_count=corners.hull_count,
         error=corners.error,
         source=str(path),
-        warnings=_approximation(corners, corners.error),
+        warnings=(*_approximation(corners, corners.error), *_assumed_friction("friction" in stated)),
     )

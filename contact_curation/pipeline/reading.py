@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from contact_curation.contact.body import Body
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs.inputs import InputsConfig, Problem, open_inputs
@@ -122,5 +123,10 @@ def settings_of(rig: RigCalibration) -> str:
     return " ".join(f"--set rig.{each}" for each in said)
 
 
-def _numbers(values: Sequence[float], digits: int) -> str:
-    return ",".join(f"{value:.{digits}f}" for value in values)
+def center_of_mass_option(center: Sequence[float] | Array) -> str:
+    """The option that says where the centre of mass (3,) is [m]: one word, as its first number may be negative."""
+    return f"--center-of-mass={_numbers(center, 4)}"
+
+
+def _numbers(values: Sequence[float] | Array, digits: int) -> str:
+    return ",".join(f"{round(float(value), digits) + 0.0:.{digits}f}" for value in values)

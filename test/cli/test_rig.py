@@ -1,5 +1,6 @@
 """`rig`: the lean of a board and the length of a metre, out of recordings."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -131,6 +132,25 @@ def test_the_marker_s_offset_is_what_the_described_centre_of_mass_leaves(
     assert ("marker_offset" in told["settings"]) == any(beside)
     mended = cli("rig", bag, "--body", tmp_path / "cube.yaml", *told["settings"].split(), "--json").json
     assert mended["correction_needed"] is False
+
+
+def test_a_centre_of_mass_that_is_not_where_it_is_described_is_found_by_free_flights(cli: Cli, tmp_path: Path) -> None:
+    """The shape is described where it is, the centre of mass 15 mm beside."""
+    off = CONTACTNETS_CUBE.about([0.01, -0.005, 0.01])
+    (tmp_path / "cube.yaml").write_text(yaml.safe_dump(off.to_mapping()))
+    bag = tmp_path / "a.mcap"
+    write(bag, simulated_session(tosses=20))
+    told = cli("rig", bag, "--body", tmp_path / "cube.yaml", "--json").json
+    assert [one["value"] for one in told["mass_centre"]["offset_mm"]] == pytest.approx([-10.0, 5.0, -10.0], abs=0.3)
+    assert told["correction_needed"]
+    assert told["settings"] == ""
+    option = told["mass_centre"]["option"]
+    checked = cli("check", bag, "--body", tmp_path / "cube.yaml", "--json")
+    assert re.search(r"turn about a point 15\.\d mm from the described centre of mass", checked.json["verdict"])
+    assert option in checked.json["next"]
+    corrected = cli("check", bag, "--body", tmp_path / "cube.yaml", option, "--json")
+    assert (corrected.status, corrected.json["ok"]) == (0, True)
+    assert cli("rig", bag, "--body", tmp_path / "cube.yaml", option, "--json").json["mass_centre"]["option"] == ""
 
 
 def test_too_few_tosses_are_one_line(cli: Cli, folder: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.contact.body_description import LARGEST_FILE, BodyOptions
+from contact_curation.contact.body_description import LARGEST_FILE, BodyOptions, read_description
 from contact_curation.contact.body_values import body_of_mapping, check_values, text
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 
@@ -29,6 +29,28 @@ def test_vertices_may_be_listed(tmp_path: Path) -> None:
     assert Body.from_file(file).vertices.shape == (4, 3)
 
 
+def test_a_friction_that_is_not_given_is_assumed_with_a_warning_and_the_length_scale_follows_from_the_volume(
+    tmp_path: Path,
+) -> None:
+    file = tmp_path / "brick.yaml"
+    file.write_text("name: brick\nhalf_extents: [0.02, 0.04, 0.01]\nmass: 0.1\ninertia: [1.0e-4, 1.0e-4, 1.0e-4]\n")
+    told = read_description(file, BodyOptions())
+    assert told.friction == 0.5
+    assert told.length_scale == pytest.approx(0.02)
+    assert any("friction: none given, 0.5 assumed" in line for line in told.warnings)
+    assert read_description(file, BodyOptions(friction=0.1, length_scale=0.03)).warnings == ()
+
+
+def test_a_centre_of_mass_that_is_given_leaves_the_shape_where_the_tracker_sees_it(tmp_path: Path) -> None:
+    file, place = tmp_path / "brick.yaml", np.array([0.003, 0.0, -0.002])
+    file.write_text(CUBE_FILE.read_text() + "center_of_mass: [0.01, 0, 0]\n")
+    before = Body.from_file(file)
+    after = Body.described(read_description(file, BodyOptions(center_of_mass=place)))
+    np.testing.assert_array_equal(after.center_of_mass, place)
+    np.testing.assert_allclose(after.tracked_polytope.vertices, before.tracked_polytope.vertices, atol=1e-15)
+    np.testing.assert_allclose(before.about(place).vertices, after.vertices, atol=1e-15)
+
+
 @pytest.mark.parametrize("more", ["[0.5, 0, 0]", "[0, 0, 1]", "[0.2, 0.2, 0.2]"], ids=["on an edge", "twice", "inside"])
 def test_a_vertex_that_is_no_corner_is_refused(tmp_path: Path, more: str) -> None:
     corners = f"[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], {more}]"
@@ -44,7 +66,6 @@ def test_a_vertex_that_is_no_corner_is_refused(tmp_path: Path, more: str) -> Non
         (("mass:", "weight:"), r"unknown key 'weight': expected one of .*'mass'"),
         (("half_extents:", "half_extent:"), r"unknown key 'half_extent': did you mean 'half_extents'\?"),
         (("mass: 0.37", ""), r"missing key: mass \(e.g. 0.46\)"),
-        (("length_scale: 0.0524", ""), r"missing key: length_scale \(e.g. 0.0524\)"),
         (("inertia: [0.00081, 0.00081, 0.00081]", ""), r"missing key: inertia \(e.g. \[0.000677, 0.000677, 0.000677\]\)"),
         (("mass: 0.37", "mass: heavy"), "mass: found heavy, expected numbers"),
         (("mass: 0.37", "mass: true"), "mass: found True, expected numbers"),

@@ -5,17 +5,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from contact_curation.cli.options.types import number_from_zero, positive_number
+import numpy as np
+
+from contact_curation.cli.options.types import number_from_zero, place, positive_number
 from contact_curation.cli.report import warn
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.body_description import BodyDescription, BodyOptions, read_description
 from contact_curation.errors import InvalidValueError
+from contact_curation.pipeline.reading import center_of_mass_option
 
 BODY_HELP = (
     "the object: a YAML file like contact_curation/config/cube.yaml, a URDF, an MJCF, or a mesh (STL, OBJ, PLY, OFF) "
     "(default: the one of a checkpoint or manifest that is given, else ContactNets' cube)"
 )
-DETAILS = ("mass", "density", "friction", "length_scale", "mesh_scale", "link", "body_name")
+DETAILS = ("mass", "density", "friction", "length_scale", "mesh_scale", "link", "body_name", "center_of_mass")
 
 
 def add_body_option(parser: argparse.ArgumentParser, *others: str, details: bool = True) -> None:
@@ -40,6 +43,9 @@ def add_body_details(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--mesh-scale", type=positive_number, metavar="S", help="metres in a unit of the mesh: 0.001 for mm")
     group.add_argument("--link", metavar="NAME", help="of a URDF or MJCF with several links")
     group.add_argument("--body-name", metavar="NAME", help="in topics, frames and ids of tosses (default: by the file)")
+    group.add_argument(
+        "--center-of-mass", type=place, metavar="X,Y,Z", help="in the frame that the tracker follows [m]; the shape stays"
+    )
 
 
 def body_description(path: Path, arguments: argparse.Namespace) -> BodyDescription:
@@ -54,8 +60,10 @@ def body_description(path: Path, arguments: argparse.Namespace) -> BodyDescripti
 def body_words(arguments: argparse.Namespace) -> list[str]:
     """The body options that were given, as words for another verb's command line."""
     given = {name: getattr(arguments, name, None) for name in ("body", *DETAILS)}
+    center = given.pop("center_of_mass")
     options = {f"--{name.replace('_', '-')}": str(value) for name, value in given.items() if value is not None}
-    return [word for option in options.items() for word in option]
+    words = [word for option in options.items() for word in option]
+    return [*words, center_of_mass_option(center)] if center is not None else words
 
 
 def chosen_body(
@@ -85,15 +93,19 @@ def chosen_body(
         description = body_description(arguments.body, arguments)
         warn([f"{arguments.body}: {line}" for line in description.warnings])
         given = CarriedBody(Body.described(description), f"--body {arguments.body}")
-    elif unused := [name for name in DETAILS if getattr(arguments, name, None) is not None]:
+    elif unused := [name for name in DETAILS[:-1] if getattr(arguments, name, None) is not None]:
         raise InvalidValueError(f"--{unused[0].replace('_', '-')}", "no --body", "--body FILE, which it belongs to")
     found = carried_body([path for path in models if path is not None], manifest, throws, given)
     if found is None and said:
         arguments.assumed = f"no --body given: assuming {ASSUMED}"  # reported at the end of the verb
-    return CONTACTNETS_CUBE if found is None else found.body
+    body = CONTACTNETS_CUBE if found is None else found.body
+    center = getattr(arguments, "center_of_mass", None)
+    return body if center is None or given is not None else body.about(center)
 
 
 def _options(arguments: argparse.Namespace) -> BodyOptions:
     names: dict[str, str] = {**{name: name for name in DETAILS}, "mesh_scale": "scale", "body_name": "name"}
     told: dict[str, Any] = {own: getattr(arguments, name, None) for name, own in names.items()}
+    if told["center_of_mass"] is not None:
+        told["center_of_mass"] = np.array(told["center_of_mass"])
     return BodyOptions(**told)

@@ -34,6 +34,15 @@ def number_from_zero(text: str) -> float:
     return number
 
 
+def place(text: str) -> tuple[float, float, float]:
+    """Reads three finite numbers with commas between them, for argparse."""
+    numbers = [_number(part) for part in text.split(",")]
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise argparse.ArgumentTypeError(f"found {text}, expected three numbers like 0,0.001,-0.002")
+    x, y, z = numbers
+    return x, y, z
+
+
 class PathEndingIn:
     """A path that must have one of the given endings."""
 

@@ -124,13 +124,21 @@ class RigEstimate:
         return all(one.holds_none for one in (*self.tilt, self.height, self.scale)) and not (self.rig.has_marker)
 
 
-def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81, *, fewest: int = FEWEST_THROWS) -> RigEstimate:
+def estimate_rig(
+    survey: Survey,
+    polytope: Polytope,
+    gravity: float = 9.81,
+    *,
+    center: Array | None = None,
+    fewest: int = FEWEST_THROWS,
+) -> RigEstimate:
     """The rig of some throws.
 
     Args:
         survey: of poses of one body by one rig [m], z up.
         polytope: the body's.
         gravity: the true one [m/s^2].
+        center: (3,) centre of mass seen from the origin of the poses, if it is known not to be there [m].
         fewest: throws.
 
     Raises:
@@ -141,7 +149,7 @@ def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81, *, f
         if count < fewest:
             raise InvalidValueError(f"throws that {what}", count, f"at least {fewest}, to estimate the rig from")
     centre = np.array([*np.median(rests.places[:, :2], axis=0), 0.0])
-    scale = _scale(survey, gravity, NO_CORRECTION)
+    scale = _scale(survey, gravity, center)
     for _ in range(IN_TURN):
         found = estimate_rests(rests, 1.0 + scale.value, centre)
         rig = RigCalibration(
@@ -152,9 +160,10 @@ def estimate_rig(survey: Survey, polytope: Polytope, gravity: float = 9.81, *, f
             marker_turn=vector(found.values[TURN]),
             marker_offset=vector(found.values[PLACE]),
         )
-        if not any(rig.marker_offset):
+        if center is not None or not any(rig.marker_offset):
             break
-        scale = _scale(survey, gravity, rig)
+        askew = quaternions.conjugate(quaternions.exp(rig.marker_turn))
+        scale = _scale(survey, gravity, quaternions.rotate(askew, rig.marker_offset) / rig.scale)
     return RigEstimate(
         throws=len(throws),
         rests=len(rests),
@@ -185,16 +194,17 @@ def worth_correcting(found: RigEstimate) -> RigCalibration:
     return replace(rig, centre=NO_CORRECTION.centre) if unused else rig
 
 
-def _scale(survey: Survey, gravity: float, rig: RigCalibration) -> Estimate:
-    """S - 1; the spread of the throws' accelerations along their mean gives the interval."""
+def _scale(survey: Survey, gravity: float, center: Array | None) -> Estimate:
+    """S - 1; the spread of the throws' accelerations along their mean gives the interval.
+
+    Args:
+        survey: of the poses.
+        gravity: the true one.
+        center: (3,) what falls on a parabola, seen from the origin of the poses; None for that origin.
+    """
     accelerations = np.array([throw.acceleration for throw in survey.throws])
-    if any(rig.marker_offset):
-        beside = np.array(rig.marker_offset) / rig.scale
-        askew = quaternions.conjugate(quaternions.exp(rig.marker_turn))
-        places = [
-            one.positions + quaternions.rotate(quaternions.multiply(one.orientations_wxyz, askew), beside)
-            for one in survey.series
-        ]
+    if center is not None:
+        places = [one.positions + quaternions.rotate(one.orientations_wxyz, center) for one in survey.series]
         spans = [throw.span for throw in survey.throws]
         accelerations = np.array(
             [acceleration_of(places[one.series][one.first : one.stop], survey.series[one.series].period) for one in spans]

@@ -118,7 +118,7 @@ def _next(found: Sequence[Finding], ok: bool, paths: Sequence[str], words: Seque
     """What to type: rank what is sound or can be mended, check again what has another remedy."""
     faults = [one for one in found if one.severity == Severity.FAULT]
     mended = bool(faults) and all(one.rig is not None or one.settings for one in faults[:1])
-    options = next((one.options for one in faults if one.options), ())
+    options = next((one.options for one in faults or found if one.options), ())
     verb = ["rank"] if ok or (mended and not options) else ["check"]
     shown = [*paths[:3], *(["..."] if len(paths) > 3 else [])]
     end = ["--out", "ranked.csv"] if verb == ["rank"] else []

@@ -7,8 +7,11 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_of, softness_in_words
+from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.falls import Survey, survey
+from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
@@ -24,6 +27,9 @@ UNITS = {"metres": 1.0, "feet": 3.28084, "inches": 39.3701, "centimetres": 100.0
 
 NEAREST_UNIT = 1.5
 """Times gravity in a unit, either way: outside, an acceleration is gravity in none."""
+
+WORTH_MOVE = 0.03
+"""Of a body's size: what its centre of mass may be away from where it is described."""
 
 STEEPEST = 20.0
 """Degrees between gravity and an axis, from which on it is along none."""
@@ -130,18 +136,43 @@ class Evidence:
         return survey([one for _, one in self.series])
 
     @cached_property
+    def mass_centre(self) -> MassCentre | None:
+        """Where bodies have their centre of mass, by what they turn about in the air; None where it cannot be told."""
+        return mass_centre(self.survey)
+
+    @cached_property
+    def gravity(self) -> Array | None:
+        """(3,) the acceleration of what falls; None where nothing falls freely."""
+        centre = self.mass_centre
+        return centre.acceleration if centre is not None and centre.is_elsewhere else self.survey.gravity
+
+    @cached_property
     def fall(self) -> Fall | None:
         """None where nothing falls freely, or what seems to is gravity in no unit."""
-        if self.survey.gravity is None:
+        if self.gravity is None:
             return None
-        size = float(np.linalg.norm(self.survey.gravity))
+        size = float(np.linalg.norm(self.gravity))
         ratios = {name: size / (self.body.gravity * unit) for name, unit in UNITS.items()}
         unit = min(ratios, key=lambda name: abs(np.log(ratios[name])))
         if not 1.0 / NEAREST_UNIT < ratios[unit] < NEAREST_UNIT:
             return None
-        angles = {name: _degrees(self.survey.gravity, np.array(axis, float)) for name, axis in AXES.items()}
+        angles = {name: _degrees(self.gravity, np.array(axis, float)) for name, axis in AXES.items()}
         axis = min(angles, key=lambda name: angles[name])
         return Fall(size, unit, axis if angles[axis] < STEEPEST else "", angles["-z"])
+
+    @property
+    def moved_centre(self) -> MassCentre | None:
+        """The centre of mass seen from where it is described, where it is certainly and noticeably not there; needs `rig`."""
+        if self.rig is None or self.mass_centre is None:
+            return None
+        found = self.mass_centre.seen_from_described(self.rig.rig)
+        return found if found.is_elsewhere and found.distance > WORTH_MOVE * size_of(self.body.vertices) else None
+
+    @property
+    def center(self) -> Array | None:
+        """(3,) the centre of mass seen from the origin of the poses, in their unit, where it is certainly not there."""
+        centre = self.mass_centre
+        return centre.place if centre is not None and centre.is_elsewhere else None
 
     @cached_property
     def rig(self) -> RigEstimate | None:
@@ -149,7 +180,7 @@ class Evidence:
         if self.fall is None or not self.fall.sound:
             return None
         try:
-            return estimate_rig(self.survey, self.body.polytope, self.body.gravity)
+            return estimate_rig(self.survey, self.body.polytope, self.body.gravity, center=self.center)
         except InvalidValueError:
             return None
 

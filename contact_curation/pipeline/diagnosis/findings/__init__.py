@@ -52,6 +52,7 @@ FINDINGS: tuple[Find, ...] = (
     body.other_size,
     rig.height,
     rig.marker,
+    rig.mass_centre,
     tosses.never_at_rest,
     tosses.rejected,
     tosses.none_found,

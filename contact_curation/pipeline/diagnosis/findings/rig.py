@@ -2,16 +2,21 @@
 
 import numpy as np
 
+from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.rig import RigEstimate, worth_correcting
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.body import other_shape, other_size
+from contact_curation.pipeline.reading import center_of_mass_option
 
 LARGEST_TILT, LARGEST_HEIGHT, LARGEST_SCALE = 0.75, 0.0025, 0.025
 """Degrees, m, share: what is more is a fault; what is less but certain is worth settings."""
 
 WORTH_TILT, WORTH_HEIGHT, WORTH_SCALE = 0.2, 0.0008, 0.008
 """What is worth a line."""
+
+LARGEST_MOVE = 0.2
+"""Of a body's size: by so much more is its centre of mass away from where it is described in a fault."""
 
 MEND = "measure the rig again, or correct poses by settings"
 
@@ -44,7 +49,7 @@ def length_scale(evidence: Evidence) -> Finding | None:
     rig = _rig(evidence)
     if rig is None or abs(rig.scale.value) < WORTH_SCALE or rig.scale.holds_none:
         return None
-    fall = float(np.linalg.norm(evidence.survey.gravity)) if evidence.survey.gravity is not None else 0.0
+    fall = evidence.fall.size if evidence.fall is not None else 0.0
     length = "short" if rig.scale.value > 0.0 else "long"
     what = (
         f"bodies fall at {fall:.2f} m/s^2: lengths are {100.0 * abs(rig.scale.value):.1f} % too {length}, or the clock is off"
@@ -63,6 +68,21 @@ def marker(evidence: Evidence) -> Finding | None:
     parts += [f"{away:.1f} mm away"] if away else []
     what = f"the tracked frame is {' and '.join(parts)} from the described body's"
     return _finding(rig, turn > LARGEST_TILT or away > 1e3 * LARGEST_HEIGHT, what)
+
+
+def mass_centre(evidence: Evidence) -> Finding | None:
+    """Bodies that turn about another point than the described centre of mass."""
+    rig, centre, body = _rig(evidence), evidence.moved_centre, evidence.body
+    if rig is None or centre is None:
+        return None
+    place = body.center_of_mass + centre.place
+    what = (
+        f"bodies in the air turn about a point {1e3 * centre.distance:.1f} mm from the described centre of mass "
+        f"(by {centre.flights} flights)"
+    )
+    word = center_of_mass_option(place)
+    severity = Severity.FAULT if centre.distance > LARGEST_MOVE * size_of(body.vertices) else Severity.WARNING
+    return Finding(severity, what, f"add {word}, or correct the --body file", options=(word,))
 
 
 def _rig(evidence: Evidence) -> RigEstimate | None:
