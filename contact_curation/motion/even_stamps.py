@@ -84,6 +84,9 @@ TOLD_APART = 4.0 * RIG_NOISE
 DECIDED, SUREST = -8.0, 64.0
 """Weighed in logarithms, at most 1 a frame: from where on stamps stay as they are; more than the latter is not remembered."""
 
+LEAST_SAID = 1e-5
+"""[s] of scatter: of less, which is that of stamps in whole microseconds, nothing is said."""
+
 KEPT = 4096
 """So many last delays tell how much stamps scatter."""
 
@@ -144,7 +147,7 @@ class StampEvener:
     def done(self) -> str:
         """What was found in the stamps, and done; nothing where all are as they came."""
         evened = self.counts["evened"]
-        if not evened:
+        if not evened or self.scatter < LEAST_SAID:
             return ""
         even = f"an even {self.rate:.4g} Hz: {evened} poses took even stamps"
         return f"header stamps jitter by {1e3 * self.scatter:.2g} ms (standard deviation) about {even}"

@@ -24,6 +24,8 @@ from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector
 FARTHEST = 1e6
 """No tracker measures a body further away [m]; such numbers would overflow in velocities."""
 
+LOWEST_RATE = 55.0
+"""[Hz] At lower rates short free falls are missed, which need two accelerations."""
 
 LONGEST_NUMBER = 64
 """Bits of a stamp, a count or a place."""

@@ -28,13 +28,26 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import noise_growth
 from contact_curation.motion.survey.lost_frames import lost_frames
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from contact_curation.motion.toss_rules import MEMORY, FallDetector, Frame, Motion, cut, may_fall, reasons_against
+from contact_curation.motion.toss_rules import (
+    MEMORY,
+    WIDEST_STRIDE,
+    FallDetector,
+    Frame,
+    Motion,
+    cut,
+    may_fall,
+    reasons_against,
+    stride_at,
+)
 
 DOUBTFUL = 1.2
 """Times the real rig's noise, that of accelerations by rate counted in: from there on it may look like free fall."""
 
 CONFIRMED, FALLING = 0.1, 0.85
 """Where noise may look like free fall a toss is none unless it falls over so long a time [s] by that share of gravity."""
+
+KEPT = MEMORY * WIDEST_STRIDE
+"""Frames that are remembered while there is no toss."""
 
 STEPS = 15
 """So many last stamp differences give a stream's frame period."""
@@ -45,12 +58,14 @@ class AtRate(NamedTuple):
 
     Attributes:
         period: frame period [s].
+        stride: free fall is looked for in every so many frames.
         frames_at_rest: number of successive displacements of a body at rest.
         fall_tolerances: of `SegmenterBounds.fall_tolerances` [m/s^2].
         doubtful: whether noise may look like free fall.
     """
 
     period: float
+    stride: int
     frames_at_rest: int
     fall_tolerances: tuple[float, float]
     doubtful: bool
@@ -166,7 +181,7 @@ class TossSegmenter:
         frames, ended, at = list(map(Frame._make, run.one_by_one())), list[Toss | Rejected](), 0
         eventful: Eventful | None = None
         while at < len(frames):
-            if len(self._run) >= MEMORY and len(self._steps_ns) == STEPS:
+            if len(self._run) >= KEPT and len(self._steps_ns) == STEPS:
                 eventful = eventful or self._eventful(run, at)
                 stop = self._uneventful_until(eventful, at, len(frames))
                 if stop > at:
@@ -220,19 +235,26 @@ class TossSegmenter:
 
     def _eventful(self, run: PoseRun, first: int) -> Eventful:
         """Which poses of a run, from index `first` on, may be eventful, whatever happens before; gaps are."""
-        before = self._run[-MEMORY:]
+        before = self._run[-KEPT:]
         stamps = np.append([frame.stamp_ns for frame in before], run.stamps_ns[first:])
         positions = np.concatenate([[frame.position for frame in before], run.positions[first:]])
-        steps = np.append(self._steps_ns, np.diff(stamps[MEMORY - 1 :]))
+        steps = np.append(self._steps_ns, np.diff(stamps[KEPT - 1 :]))
         periods = np.sort(np.lib.stride_tricks.sliding_window_view(steps, STEPS), axis=1)[:, (STEPS - 1) // 2] / NANOSECONDS
         if self.config.frame_period is not None:
             periods[:] = self.config.frame_period
         shortest, steps = float(periods.min()) or 1.0 / NANOSECONDS, steps[STEPS:]
         gaps = (steps <= 0) | (steps > (1.0 - SURELY) * self.config.largest_gap * NANOSECONDS * periods[:-1])
-        falls = may_fall(stamps, positions[:, 2], self._bounds.gravity, *self._bounds.fall_tolerances(shortest))
-        moved = np.square(np.diff(positions[MEMORY - 1 :], axis=0)).sum(axis=1)
+        falls, strides = (
+            np.zeros(len(gaps), dtype=bool),
+            {one: stride_at(one) for one in np.unique(periods).tolist() if one > 0.0},
+        )
+        for stride in set(strides.values()):
+            tolerances, behind = self._bounds.fall_tolerances(stride * shortest), KEPT - MEMORY * stride
+            falls |= may_fall(stamps[behind:], positions[behind:, 2], self._bounds.gravity, *tolerances, stride)
+        moved = np.square(np.diff(positions[KEPT - 1 :], axis=0)).sum(axis=1)
         rests = moved <= (1.0 + SURELY) * self._bounds.rest_displacement**2
-        doubtful = self._bounds.acceleration_noise(shortest) > (1.0 - SURELY) * DOUBTFUL
+        noisiest = min((period * stride for period, stride in strides.items()), default=shortest)
+        doubtful = self._bounds.acceleration_noise(noisiest) > (1.0 - SURELY) * DOUBTFUL
         unconfirmed = 2 * max(round(0.5 * CONFIRMED / shortest), 1) + 1 if doubtful else 0
         idle, tossing = (np.flatnonzero(gaps | some) + first for some in (falls, rests))
         return Eventful(idle.tolist(), tossing.tolist(), unconfirmed)
@@ -255,12 +277,12 @@ class TossSegmenter:
         if self._start is None:
             if self.config.bounded and not self._outside:
                 self._outside = not all(self.config.over_board(*frame.position[:2]) for frame in frames)
-            del self._run[:-MEMORY]
+            del self._run[:-KEPT]
         self._fall = _detector_after(self._run)
 
     def _take_bounds(self, tracker: TrackerScale) -> None:
         self.tracker, self._bounds = tracker, self.config.bounds(self._body_scale, tracker)
-        self._at_rate = AtRate(nan, 0, (0.0, 0.0), doubtful=False)  # of no rate yet
+        self._at_rate = AtRate(nan, 1, 0, (0.0, 0.0), doubtful=False)  # of no rate yet
 
     def _closed_by_gap(self, stamp_ns: int) -> tuple[Toss | Rejected, ...]:
         """Ends the run where a frame is missing before `stamp_ns`."""
@@ -297,8 +319,9 @@ class TossSegmenter:
         period = self._period
         if period != self._at_rate.period:
             still = round(self.config.rest_frames * noise_growth(period))
-            doubtful = self._bounds.acceleration_noise(period) > DOUBTFUL
-            self._at_rate = AtRate(period, still, self._bounds.fall_tolerances(period), doubtful=doubtful)
+            stride = stride_at(period)
+            doubtful = self._bounds.acceleration_noise(stride * period) > DOUBTFUL
+            self._at_rate = AtRate(period, stride, still, self._bounds.fall_tolerances(stride * period), doubtful=doubtful)
         return self._at_rate
 
     @property
@@ -307,21 +330,25 @@ class TossSegmenter:
         return self._rules.frames_at_rest
 
     def _look_for_start(self) -> None:
-        """Starts a toss at the frame before the last but one, whose acceleration and the next one's are known by now."""
-        del self._run[:-MEMORY]
+        """Starts a toss at the frame two strides back, whose acceleration and that a stride later are known by now."""
+        del self._run[:-KEPT]
         config, bounds = self.config, self._bounds
         if config.bounded and not config.over_board(*self._run[-1].position[:2]):
             self._outside = True
-        if len(self._run) < 3 or not self._fall.falls(bounds.gravity, *self._rules.fall_tolerances):
+        if len(self._run) < 3:
             return
-        first, second = self._run[-3], self._run[-2]
+        stride = self._rules.stride
+        fall = self._fall if stride == 1 else _detector_after(self._run, stride)
+        if len(self._run) <= 2 * stride or not fall.falls(bounds.gravity, *self._rules.fall_tolerances):
+            return
+        first, second = self._run[-1 - 2 * stride], self._run[-1 - stride]
         settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= bounds.settle_time * NANOSECONDS
         if not settled:  # still the motion before: it bounces, or goes on after a gap
             self._moved_ns = first.stamp_ns
         elif self._may_start(first, second):
-            self._start, self._still, self._outside = len(self._run) - 3, 0, False
-            self._count_still(first, second)
-            self._count_still(second, self._run[-1])
+            self._start, self._still, self._outside = len(self._run) - 1 - 2 * stride, 0, False
+            for before, after in pairwise(self._run[self._start :]):
+                self._count_still(before, after)
 
     def _may_start(self, first: Frame, second: Frame) -> bool:
         config = self.config
@@ -435,9 +462,9 @@ class TossSegmenter:
         return self._run[:first] + reopened
 
 
-def _detector_after(run: Sequence[Frame]) -> FallDetector:
-    """The detector that has seen a run."""
+def _detector_after(run: Sequence[Frame], stride: int = 1) -> FallDetector:
+    """The detector that has seen every `stride`-th frame of a run, the last one too."""
     fall = FallDetector()
-    for frame in run[-MEMORY:]:
+    for frame in run[-1 : -1 - MEMORY * stride : -stride][::-1]:
         fall.push(frame.stamp_ns, frame.position[2])
     return fall

@@ -15,10 +15,10 @@ from contact_curation.geometry.scalars import Quaternion, Vector
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration, calibrated_vectors
 from contact_curation.motion.segmenter_config import SegmenterBounds, SegmenterConfig
 from contact_curation.motion.smoothing import (
+    QUIET_PERIOD,
     all_around,
     clear_steps,
     kinematics,
-    median_of_three,
     median_orientations,
     vertex_travels,
 )
@@ -26,6 +26,17 @@ from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 
 MEMORY = 6
 """So many last frames give back the state of a `FallDetector`."""
+
+WIDEST_STRIDE = 7
+"""Free fall is looked for in every so many frames at most: from 1050 Hz on noise hides it more and more."""
+
+NEARLY = 0.02
+"""So much less than a whole stride will do, so that usual rates, like 300 Hz, are not on the border between two."""
+
+
+def stride_at(frame_period: float) -> int:
+    """Free fall is looked for in every so many frames: at high rates accelerations from one frame to the next are noise."""
+    return min(max(int(QUIET_PERIOD / frame_period + NEARLY), 1), WIDEST_STRIDE)
 
 
 @dataclass(slots=True)
@@ -83,25 +94,28 @@ FALL_ROUNDING = 1e-6
 
 
 def may_fall(
-    stamps_ns: NDArray[np.int64], heights: Array, gravity: float, tolerance: float, mean_tolerance: float
+    stamps_ns: NDArray[np.int64], heights: Array, gravity: float, tolerance: float, mean_tolerance: float, stride: int = 1
 ) -> NDArray[np.bool_]:
-    """Where a `FallDetector` may find free fall; nowhere else does it.
+    """Where a `FallDetector` of every `stride`-th frame may find free fall; nowhere else does it.
 
     Args:
-        stamps_ns: (MEMORY + N,) of a run.
-        heights: (MEMORY + N,) [m].
+        stamps_ns: (MEMORY * stride + N,) of a run.
+        heights: (MEMORY * stride + N,) [m].
         gravity: as the others of `FallDetector.falls`, at least what they are at any of these frames.
         tolerance: likewise.
         mean_tolerance: likewise.
+        stride: 1 for every frame.
 
     Returns:
-        (N,) for the frames after the first `MEMORY`.
+        (N,) for the frames after the first `MEMORY * stride`.
     """
-    steps = np.maximum(np.diff(stamps_ns), 1) / NANOSECONDS
-    quotients = np.diff(heights) / steps  # of frames 1, 2, ...
-    velocities = median_of_three(quotients[:, np.newaxis])[1:-1, 0]  # of frames 2, 3, ..., up to the last but one
-    accelerations = np.diff(velocities) / steps[2:-1]  # of frames 3, 4, ...
-    later, earlier = accelerations[MEMORY - 4 :], accelerations[MEMORY - 5 : -1]
+    steps = np.maximum(stamps_ns[stride:] - stamps_ns[:-stride], 1) / NANOSECONDS
+    quotients = (heights[stride:] - heights[:-stride]) / steps  # of frames 1, 2, ... in strides
+    lower, upper = np.minimum(quotients[stride:], quotients[:-stride]), np.maximum(quotients[stride:], quotients[:-stride])
+    velocities = np.maximum(lower[:-stride], np.minimum(upper[:-stride], quotients[2 * stride :]))  # one stride behind
+    accelerations = (velocities[stride:] - velocities[:-stride]) / steps[2 * stride : -stride]  # of frames 3, 4, ...
+    first = (MEMORY - 4) * stride
+    later, earlier = accelerations[first:], accelerations[first - stride : -stride]
     highest = tolerance - gravity + FALL_ROUNDING
     return np.asarray(
         (later < highest) & (earlier < highest) & (np.abs(0.5 * (later + earlier) + gravity) < mean_tolerance + FALL_ROUNDING)

@@ -134,15 +134,18 @@ class Curator(StageNode):
         """The path of a manifest that a caller asked for.
 
         Raises:
-            InvalidValueError: the path is outside `save_folder`, or a file is there that must not be replaced.
+            InvalidValueError: the path is outside `save_folder`, no file can have it, or one there is kept.
         """
         path = path_below("path", self._save_folder, asked)
-        if self._overwrites:
-            check_replaceable("path", path, "a new name, or that of an earlier manifest")
-            return path
-        for taken in (path, provenance_of(path)):
-            if taken.exists():
-                raise InvalidValueError("path", f"a file at {taken}", "a new name, or a curator with save_overwrites:=true")
+        try:
+            if self._overwrites:
+                check_replaceable("path", path, "a new name, or that of an earlier manifest")
+                return path
+            for taken in (path, provenance_of(path)):
+                if taken.exists():
+                    raise InvalidValueError("path", f"a file at {taken}", "a new name, or a curator with save_overwrites:=true")
+        except OSError as error:  # a name that is too long, a folder that may not be searched
+            raise InvalidValueError("path", f"{path.name[:40]!r}: {error.strerror}", "a name that a file can have") from error
         return path
 
     def _health(self) -> Health:

@@ -24,12 +24,13 @@ from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.ingest import IngestConfig, TossIngest
 from contact_curation.motion.pose_noise import RIG
+from contact_curation.motion.pose_stream import LOWEST_RATE
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.motion.toss import Toss
+from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.nodes.messages.toss import rejected_message, toss_message
 from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_bytes
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
+from contact_curation.nodes.ros.health import Flow, Health, HealthReport, Rate, awaited
 from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
@@ -50,6 +51,9 @@ PAUSE = 10.0
 
 LOOK_PERIOD = 0.2
 """Time between looks at the graph for pose topics [s]."""
+
+MOSTLY = 0.8
+"""Share of the messages that must be poses, for the rate of the poses to be that of the tracker."""
 
 BATCH = 64
 """Number of messages that are read and committed to the store together."""
@@ -76,7 +80,7 @@ class PoseIngest(ManagedNode):
         self._store.claim()
         self._warnings = ThrottledWarnings(self)
         self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
-        self._received = Rate()
+        self._received, self._on_topic, self._flow, self._dropped = Rate(), 0, Flow(), ""
         self._journal: IngestJournal | None = None
         self._ingest: TossIngest | None = None
         self._tracker = RIG
@@ -91,9 +95,10 @@ class PoseIngest(ManagedNode):
         self._expected = self.create_publisher(TossMessage, EXPECTED_TOSS, profile(1, reliable=True, latched=False))
         self._tracked = self.create_publisher(Bool, "tracked", latched(1))
         self._said_tracked: bool | None = None
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_service(GetTosses, "get_tosses", self._asked_for, callback_group=ReentrantCallbackGroup())
         self._topics = PoseTopics(self, self._body.name, self._poses, type_name, depth, self._found, self._arrived)
-        self.create_timer(LOOK_PERIOD, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(LOOK_PERIOD, self._look, clock=self._steady)
         HealthReport(self, "poses", self._health, self._body.name)
         self.start()
 
@@ -132,6 +137,7 @@ class PoseIngest(ManagedNode):
             self.get_logger().warning(self._backlog, throttle_duration_sec=PAUSE)
         self._inbox.put(received)
         self._received.count += 1
+        self._on_topic += self._topics.source is not None and received.topic == self._topics.source.body.name
         self._taking.want()
 
     def _take(self) -> None:
@@ -154,6 +160,7 @@ class PoseIngest(ManagedNode):
             self._tracker = self._ingest.tracker
             self.get_logger().info(noise)
         for bad in happened.bad:
+            self._dropped = bad.why
             self._warnings.note(f"bad {bad.kind}", f"{bad.child} at {bad.stamp_ns} ns: {bad.why}")
         for conflict in happened.conflicts:
             self._warnings.note("conflict", conflict)
@@ -212,8 +219,27 @@ class PoseIngest(ManagedNode):
             what = f"poses: {self._topics.waiting_for or 'none yet'}"
             return Health(f"waiting for {what}", values, warning=True, waiting_for=what)
         topic = self._topics.source.body.name
+        if fault := self._fault():
+            return Health(f"{topic}: {fault}", values, warning=True, waiting_for=f"usable poses on {topic}: {fault}")
         missing = "" if self._received.count and self._topics.has_publisher else awaited(self, "poses", topic)
         return Health(f"{rate:.0f} messages/s from {topic}", values, warning=rate == 0.0, waiting_for=missing)
+
+    def _fault(self) -> str:
+        """What is wrong with messages that come; empty for nothing."""
+        poses = 0 if self._ingest is None else self._ingest.counts["poses"]
+        rates = self._flow.look(self._on_topic, poses, self._steady.now().nanoseconds / NANOSECONDS)
+        if rates is None:
+            return ""
+        messages, placed = rates
+        if not placed:
+            name, frame = self._body.name, self._poses.body_frame_of(self._body.name)
+            why = (
+                self._dropped or f"no transform leads from their frame to '{self._poses.board_frame}', or none is of '{frame}'"
+            )
+            return f"none of {messages:.0f} messages/s gives a pose of {name} on the board: {why}"
+        if placed < LOWEST_RATE and placed > MOSTLY * messages:
+            return f"poses come at {placed:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
+        return ""
 
 
 def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> IngestConfig:

@@ -1,5 +1,9 @@
 """What is asked of a session, and where its things lie."""
 
+import fcntl
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -117,3 +121,24 @@ class SessionFolder:
                 folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InvalidValueError("--record", self.root, f"a folder that can be made ({error.strerror})") from error
+
+    @contextmanager
+    def claimed(self) -> Iterator[None]:
+        """Makes this process the only one that runs a session in the folder.
+
+        Raises:
+            InvalidValueError: another one does.
+        """
+        descriptor = os.open(self.root, os.O_RDONLY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            os.close(descriptor)
+            running = f"{self.root}, in which a session is running"
+            raise InvalidValueError("--record", running, "a new folder, or that of a session that has ended") from error
+        except OSError:  # a file system without locks
+            pass
+        try:
+            yield
+        finally:
+            os.close(descriptor)

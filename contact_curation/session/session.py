@@ -83,9 +83,10 @@ def run_session(
     body = config.body()
     parameters = session_parameters(config, body, folder)
     folder.make(resume=config.resume)
-    write_node_parameters(folder.parameters, parameters)
-    write_tag_map(config, body, folder, parameters)
     with ExitStack() as running:
+        running.enter_context(folder.claimed())
+        write_node_parameters(folder.parameters, parameters)
+        write_tag_map(config, body, folder, parameters)
         events = running.enter_context(EventLog(folder.events, resume=config.resume))
 
         def tell(incident: Incident) -> None:

@@ -2,13 +2,19 @@
 
 import json
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import pytest
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import Odometry
+from rclpy.node import Node
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from contact_curation.motion.pose_stream import FramePose
@@ -18,7 +24,7 @@ from contact_curation.storage.stores.tosses import TossStore
 from test.conftest import GOLDEN
 from test.graph.parts.graph import Graph
 from test.graph.parts.measured import measured_of, tosses_in
-from test.graph.parts.tracker import Tracker, publish
+from test.graph.parts.tracker import Tracker, message_of, publish
 
 MESSAGES = 900
 """Two tosses, and what follows until the third."""
@@ -87,6 +93,81 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
     for topic, tosses in heard.items():
         graph.until(partial(_two, tosses), LONG, f"the tosses of {topic}")
         assert ids(tosses) == expected
+
+
+def test_a_body_that_is_on_tf_alone_is_found_there(
+    graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
+) -> None:
+    tosses = graph.tosses()
+    graph.start("pose_ingest", source="tracker")
+    publisher = Tracker(graph.listener, rig).topic(TFMessage, "/tf", profile(1000, reliable=True, latched=False))
+    message = message_of(TFMessage, poses[0])
+
+    def taken() -> bool:
+        publisher.publish(message)
+        return "poses of cube from /tf" in graph.processes[0].log()
+
+    graph.until(taken, LONG, "the body to be found on /tf")
+    graph.until(lambda: publisher.get_subscription_count() == 1, LONG, "the first subscriber to leave")
+    publish([publisher], poses)
+    graph.until(partial(_two, tosses), LONG, "the tosses")
+    assert ids(tosses) == [toss.toss_id for toss in tosses_in((*rig, *poses), "tracker")]
+
+
+@contextmanager
+def elsewhere(graph: Graph) -> Iterator[Node]:
+    """A node of another participant, since one participant has one type for a topic."""
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=graph.listener.node.context.get_domain_id())
+    node = rclpy.create_node("elsewhere", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+@pytest.mark.slow
+def test_a_subscriber_that_asks_for_another_type_changes_nothing_and_a_tracker_may_come_back_with_it(
+    graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
+) -> None:
+    tosses = graph.tosses()
+    with elsewhere(graph) as other:
+        other.create_subscription(PoseStamped, "/odometry", lambda _: None, 10)
+        graph.start("pose_ingest", source="tracker")
+        publisher = Tracker(graph.listener, rig).topic(Odometry, "/odometry", latched(10))
+        publish([publisher], poses)
+        graph.until(partial(_two, tosses), LONG, "the tosses")
+        graph.listener.node.destroy_publisher(publisher)
+        again = other.create_publisher(PoseStamped, "/odometry", latched(10))
+        graph.until(lambda: again.get_subscription_count() == 2, LONG, "a subscriber of the other type")
+
+
+@pytest.mark.slow
+def test_messages_of_which_none_is_a_pose_are_a_warning(graph: Graph, rig: tuple[FramePose, ...]) -> None:
+    diagnostics = graph.diagnostics()
+    graph.start("pose_ingest", topic="/odometry", label="nan")
+    publisher = Tracker(graph.listener, rig).topic(Odometry, "/odometry", BEST_EFFORT)
+    message = Odometry()
+    message.header.frame_id = "map"
+    message.pose.pose.position.x = math.nan
+
+    def warned() -> bool:
+        message.header.stamp.nanosec += 7_000_000
+        publisher.publish(message)
+        reports = [one for array in diagnostics for one in array.status if node_of(one.name) == "/pose_ingest"]
+        return (
+            bool(reports)
+            and "gives a pose of cube on the board" in reports[-1].message
+            and reports[-1].level == DiagnosticStatus.WARN
+        )
+
+    graph.until(warned, LONG, "a warning")
+
+
+@pytest.mark.slow
+def test_a_named_topic_of_another_type_is_named_with_it(graph: Graph) -> None:
+    graph.listener.node.create_publisher(String, "/odometry", 10)
+    graph.start("pose_ingest", topic="/odometry")
+    graph.until(lambda: "found /odometry (std_msgs/msg/String)" in graph.processes[0].log(), LONG, "the type that is there")
 
 
 @pytest.mark.slow

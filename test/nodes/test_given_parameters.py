@@ -49,6 +49,11 @@ def small(*words: str) -> Iterator[Small]:
             rclpy.try_shutdown()
 
 
+def test_an_empty_list_is_an_empty_list() -> None:
+    with small("-p", "topics:=[]") as node:
+        assert declare(node, "topics", [""], "names") == []
+
+
 @pytest.mark.parametrize(
     ("given", "says"),
     [

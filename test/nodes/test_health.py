@@ -16,7 +16,9 @@ from contact_curation.nodes.messages.shown import healths_of
 from contact_curation.nodes.ros.health import (
     FIRST_WORD,
     LONGEST_PAUSE,
+    LOOKS,
     PERIOD,
+    Flow,
     Health,
     HealthReport,
     Waiting,
@@ -114,3 +116,10 @@ def test_the_aggregator_groups_every_status_once_in_any_namespace() -> None:
     for name in (*statuses, *(f"cell_1/{status}" for status in statuses)):
         assert sum(part in name for one in groups for part in one["contains"]) == 1
     assert all(one["timeout"] > 2.0 * PERIOD for one in groups)  # a late report is not stale
+
+
+def test_rates_are_known_after_some_looks_between_which_messages_came_each_time() -> None:
+    flow = Flow()
+    found = [flow.look(100 * place, 10 * place, float(place)) for place in range(LOOKS + 2)]
+    assert found == [None] * LOOKS + [(100.0, 10.0)] * 2
+    assert flow.look(100 * (LOOKS + 1), 10 * (LOOKS + 1), LOOKS + 2.0) is None  # nothing came

@@ -103,3 +103,13 @@ def test_other_callbacks_run_while_a_manifest_waits_for_the_worker(tmp_path: Pat
         executor.spin_until_future_complete(asked, 10.0)
         assert asked.result().success
         executor.shutdown()
+
+
+def test_a_name_that_no_file_can_have_is_refused_and_the_curator_goes_on(tmp_path: Path) -> None:
+    for parameters in ((), ("save_overwrites:=true",)):
+        folder = tmp_path / str(len(parameters))
+        folder.mkdir()
+        with curator(folder, *parameters) as node:
+            answer = saved(node, f"{'x' * 300}.csv")
+            assert (answer.success, "expected a name that a file can have" in answer.message) == (False, True)
+            assert saved(node, "kept.csv").success

@@ -36,11 +36,17 @@ ALLOWED = 5.0
 TOGETHER = 0.6
 """Flights that follow one another within this time [s] are bounces of one throw."""
 
+LONGEST_FALL = 1.5
+"""[s] Nothing that is thrown by hand or arm is longer in the air."""
+
 LONGEST_SETTLING = 3.0
 """A rest begins at most so long after the last flight [s]."""
 
 STILL = 0.003
 """A body is still that is slower than what gravity gives it in this time [s]."""
+
+SCATTERED = 3.5
+"""Standard deviations per axis that velocities and accelerations at rest seldom exceed."""
 
 STILL_WINDOWS = 4
 """In a row, for a rest."""
@@ -138,7 +144,11 @@ def survey(series: Sequence[PoseSeries]) -> Survey:
     shared = _shared_acceleration(fits, noise)
     if shared is None:
         return Survey(series, noise, None, (), max(speeds, default=0.0))
-    flights = [flight for place, fit in enumerate(fits) for flight in _flights(place, fit, shared, noise)]
+    flights = [
+        flight
+        for place, fit in enumerate(fits)
+        for flight in _joined(series[place], _flights(place, fit, shared, noise), shared, noise)
+    ]
     throws = tuple(_throws(series, fits, flights, shared, noise))
     weights = np.array([throw.frames**5.0 for throw in throws])
     accelerations = np.array([throw.acceleration for throw in throws])
@@ -214,6 +224,23 @@ def _flights(place: int, fit: LocalFits, shared: Array, noise: float) -> list[Fl
     return [Flight(place, int(part[0]), int(part[-1]) + fit.frames) for part in parts]
 
 
+def _joined(series: PoseSeries, flights: Sequence[Flight], shared: Array, noise: float) -> list[Flight]:
+    """Flights with those made one that are on one parabola: in noise, windows amid a fall may have another acceleration."""
+    joined: list[Flight] = []
+    for flight in flights:
+        whole = Flight(flight.series, joined[-1].first, flight.stop) if joined else flight
+        frames = np.arange(whole.stop - whole.first)
+        if joined and len(frames) * series.period < LONGEST_FALL:
+            places = series.positions[whole.first : whole.stop]
+            terms = np.linalg.lstsq(_powers(frames), places, rcond=None)[0]
+            near = np.linalg.norm(terms[2] / series.period**2 - shared) < 2.0 * NEAR * np.linalg.norm(shared)
+            if near and np.abs(places - _powers(frames) @ terms).max() <= ALLOWED * noise:
+                joined[-1] = whole
+                continue
+        joined.append(flight)
+    return joined
+
+
 def _throws(
     series: Sequence[PoseSeries], fits: Sequence[LocalFits], flights: Sequence[Flight], shared: Array, noise: float
 ) -> list[Throw]:
@@ -231,7 +258,7 @@ def _throws(
         longest = max(group, key=lambda flight: flight.stop - flight.first)
         one = series[longest.series]
         span = _parabola(one, fits[longest.series], longest, noise)
-        rest = _rest(one, fits[longest.series], group[-1].stop, end, shared)
+        rest = _rest(one, fits[longest.series], group[-1].stop, end, shared, noise)
         acceleration = acceleration_of(one.positions[span.first : span.stop], one.period)
         throws.append(Throw(tuple(group), rest, span, acceleration))
     return throws
@@ -244,7 +271,10 @@ def acceleration_of(positions: Array, period: float) -> Array:
 
 
 def _parabola(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) -> Flight:
-    """As many frames of a flight as one parabola fits; grown from the window that fits best."""
+    """As many frames of a flight as one parabola fits; grown from the window that fits best.
+
+    Frames at its ends in which a hand may have held the body, too little to be seen in the noise, are left out.
+    """
     inside = _windows(fit, flight.first, flight.stop)
     start = int(fit.first[inside][np.argmin(fit.residuals[inside])])
     stop = start + fit.frames
@@ -259,7 +289,9 @@ def _parabola(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) 
             for at, when in ends
         ]
         if min(off) > allowed:
-            return Flight(flight.series, start, stop)
+            length = float(np.linalg.norm(fit.accelerations[inside][0]))
+            unseen = min(int(np.sqrt(2.0 * allowed / length) / series.period), max(stop - start - fit.frames, 0) // 2)
+            return Flight(flight.series, start + unseen, stop - unseen)
         start, stop = (start - 1, stop) if off[0] < off[1] else (start, stop + 1)
 
 
@@ -268,13 +300,14 @@ def _powers(frames: NDArray[np.int64]) -> Array:
     return np.stack([np.ones(len(frames)), frames, 0.5 * frames**2], axis=1)
 
 
-def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Array) -> Rest | None:
+def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Array, noise: float) -> Rest | None:
     """The first rest between two frames."""
-    length = np.linalg.norm(shared)
+    length = float(np.linalg.norm(shared))
+    slow, pulled = (SCATTERED * noise * one for one in fit.noises(series.period))
     latest = np.searchsorted(series.times, series.times[min(start, len(series) - 1)] + LONGEST_SETTLING)
     inside = _windows(fit, start, min(end, int(latest)))
     speeds, pulls = (np.linalg.norm(each[inside], axis=1) for each in (fit.velocities, fit.accelerations))
-    places = fit.first[inside][(speeds < STILL * length) & (pulls < 0.1 * length)]
+    places = fit.first[inside][(speeds < max(STILL * length, slow)) & (pulls < max(0.1 * length, pulled))]
     for part in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
         at_the_end = len(part) > 0 and part[-1] + fit.frames == len(series)  # files are cut as soon as the body is still
         if len(part) >= STILL_WINDOWS or at_the_end:

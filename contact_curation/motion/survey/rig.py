@@ -170,7 +170,7 @@ def estimate_rig(
         falls=len(throws),
         rig=replace(rig, scale=1.0 + scale.value),
         tilt=(_estimated(found, 0), _estimated(found, 1)),
-        height=_estimated(found, 2),
+        height=_wider(_estimated(found, 2), float(np.median(rests.depths)) * (scale.high - scale.value)),
         scale=scale,
         marker_turn=(_estimated(found, 3), _estimated(found, 4), _estimated(found, 5)),
         marker_place=(_estimated(found, 6), _estimated(found, 7), _estimated(found, 8)),
@@ -223,6 +223,12 @@ def _scale(survey: Survey, gravity: float, center: Array | None) -> Estimate:
 
 def _estimated(found: RestEstimate, at: int) -> Estimate:
     return _estimate(found.values[at], found.errors[at], found.free)
+
+
+def _wider(one: Estimate, by: float) -> Estimate:
+    """With an independent error of so large a half width."""
+    half = float(np.hypot(one.high - one.value, by))
+    return Estimate(one.value, one.value - half, one.value + half)
 
 
 def _estimate(value: float, error: float, free: float) -> Estimate:

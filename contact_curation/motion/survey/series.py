@@ -8,6 +8,7 @@ Nothing is assumed of units, axes or the height of the board: a fall in millimet
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,11 @@ class LocalFits:
     accelerations: Array
     velocities: Array
     residuals: Array
+
+    def noises(self, period: float) -> tuple[float, float]:
+        """Standard deviations of velocities and accelerations per axis, for positions with one of 1."""
+        frames = self.frames
+        return sqrt(12.0 / frames**3) / period, sqrt(720.0 / frames**5) / period**2
 
 
 def series_of(outcome: Toss | Rejected) -> PoseSeries:

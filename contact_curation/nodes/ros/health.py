@@ -5,7 +5,9 @@ node waits for is also logged: after a few seconds, and then at growing interval
 """
 
 import re
+from collections import deque
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -20,6 +22,9 @@ PERIOD = 1.0
 
 FIRST_WORD, LONGEST_PAUSE = 5.0, 600.0
 """Time before a node logs what it waits for, and longest time between two such lines [s]."""
+
+LOOKS = 4
+"""Number of intervals of `Flow`: poses may wait for transforms for a while."""
 
 PACKAGE = KeyValue(key="package", value="contact_curation")
 """Key that identifies statuses of this package's nodes."""
@@ -57,6 +62,28 @@ class Rate:
         (count, then_ns), self._before = self._before, (self.count, self._clock.now().nanoseconds)
         elapsed_ns: int = self._before[1] - then_ns
         return (self.count - count) * NANOSECONDS / max(elapsed_ns, 1)
+
+
+class Flow:
+    """How many messages and poses come per second, over the last looks, which are a second apart."""
+
+    def __init__(self) -> None:
+        self._looks: deque[tuple[int, int, float]] = deque(maxlen=LOOKS + 1)
+
+    def look(self, messages: int, poses: int, now: float) -> tuple[float, float] | None:
+        """The rates [1/s]; None as long as looks are too few, or while no message came between two of them.
+
+        Args:
+            messages: since the start.
+            poses: that came of them since the start.
+            now: time of a steady clock [s].
+        """
+        self._looks.append((messages, poses, now))
+        looks = [*self._looks]
+        if len(looks) <= LOOKS or any(one[0] == later[0] for one, later in pairwise(looks)):
+            return None
+        seconds = max(looks[-1][2] - looks[0][2], 1e-9)
+        return (looks[-1][0] - looks[0][0]) / seconds, (looks[-1][1] - looks[0][1]) / seconds
 
 
 class Waiting:

@@ -53,6 +53,8 @@ def declare(
     elif bounds is not None and isinstance(default, float):
         descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
     value = node.declare_parameter(name, default, descriptor).value
+    if value is None and isinstance(default, list):
+        value = []  # an empty list has no type, and rclpy takes it for no value
     if choices and value not in choices:
         raise UnknownNameError(f"{name}", value, choices)
     return value

@@ -20,11 +20,14 @@ from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.qos import AS_OFFERED, offered, profile
 from contact_curation.stages.ingest import published_before
 from contact_curation.storage.bags.records import OfferedQos
-from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured
+from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured, frame_name
 from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS
 
 READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
+
+LOOKS_FOR_A_TOPIC = 10
+"""Number of looks at the graph for which a body that was heard on TF may still get a topic of its own."""
 
 LOOKS_FOR_THE_RIG = 10
 """Number of looks at the graph for which poses wait for the rig's static transforms; a fast bag would be far ahead of them.
@@ -104,6 +107,10 @@ class PoseTopics:
         self._arrived = arrived
         self._subscriptions: dict[str, tuple[Offer, Subscription]] = {}
         self._heard: set[str] = set()
+        self._frames = {body, config.body_frame_of(body)}
+        self._tf_listener: Subscription | None = None
+        self._looks_on_tf = 0
+        self._on_tf = False
         self._looks = 0
         self.source: PoseSource | None = None
         self.waiting_for = ""
@@ -116,9 +123,9 @@ class PoseTopics:
 
     @property
     def has_publisher(self) -> bool:
-        """Whether the body's topic is subscribed to and has a publisher."""
+        """Whether the body's topic is subscribed to and has a publisher of its type."""
         topic = "" if self.source is None else self.source.body.name
-        return topic in self._subscriptions and self._node.count_publishers(topic) > 0
+        return topic in self._subscriptions and self._offer(topic) is not None
 
     def follow(self) -> None:
         """Looks at the graph and subscribes to topics that are new or have changed; cheap, to be called often."""
@@ -126,7 +133,9 @@ class PoseTopics:
             source = self._fitting()
         except MissingTopicError as error:
             self.waiting_for = str(error)
+            self._listen_on_tf()
             return
+        self._leave_tf()
         if self.source is None:
             self._newest = self._past(self._found(source.body.name))
             self._newest_pose_ns = self._newest.get(source.body.name, 0)
@@ -151,6 +160,7 @@ class PoseTopics:
                 subscription.callback(*waiting)
             self._node.destroy_subscription(subscription)
         self._subscriptions.clear()
+        self._leave_tf()
         self._looks = LOOKS_FOR_THE_RIG
 
     def _past(self, newest: Mapping[str, int]) -> dict[str, int]:
@@ -191,22 +201,54 @@ class PoseTopics:
         return topic, published_ns, measured
 
     def _fitting(self) -> PoseSource:
-        """The topics to use: the body's topic must exist; TF is always used."""
+        """The topics to use: the body's topic must exist, or the body be on TF; TF is always used.
+
+        Types are those of publishers: a subscriber may ask for another one, and hears nothing.
+        """
         named = {self._config.topic, self._config.camera_info, *(one.name for one in self._rig)}
         present = [
             TypedTopic(name, kind)
             for name, kinds in self._node.get_topic_names_and_types()
-            for kind in kinds
-            if kind in READ_TYPES and self._node.count_publishers(name) and self._accepted(name, kind)
-            if is_own(self._node, name, named)
+            if (name == self._config.topic or any(kind in READ_TYPES for kind in kinds)) and is_own(self._node, name, named)
+            for kind in self._published(name)
+            if kind in READ_TYPES or name == self._config.topic
         ]
+        readable = [one for one in present if self._accepted(one)]
         if self._config.topic in [one.name for one in self._rig]:
-            return find_pose_source("graph", [*present, *self._rig], self._body, self._config)
-        chosen = find_pose_source("graph", present, self._body, self._config).body
-        return find_pose_source("graph", [*present, *self._rig], self._body, replace(self._config, topic=chosen.name))
+            return find_pose_source("graph", [*readable, *self._rig], self._body, self._config)
+        other = [one for one in present if one.name == self._config.topic]
+        if other and not any(one in readable for one in other):
+            listed = [f"{one.name} ({one.type})" for one in other]
+            raise MissingTopicError("graph", f"type {self._type_name} there, as the parameter type says", listed)
+        on_tf = self._rig[:1] if self._on_tf and self._looks_on_tf > LOOKS_FOR_A_TOPIC else ()
+        chosen = find_pose_source("graph", [*readable, *on_tf], self._body, self._config).body
+        return find_pose_source("graph", [*readable, *self._rig], self._body, replace(self._config, topic=chosen.name))
 
-    def _accepted(self, name: str, kind: str) -> bool:
-        return not self._type_name or name != self._config.topic or kind == self._type_name
+    def _published(self, topic: str) -> list[str]:
+        """The types of a topic's publishers."""
+        return sorted({info.topic_type for info in self._node.get_publishers_info_by_topic(topic)})
+
+    def _accepted(self, topic: TypedTopic) -> bool:
+        return not self._type_name or topic.name != self._config.topic or topic.type == self._type_name
+
+    def _listen_on_tf(self) -> None:
+        """Hears whether the body is on TF, where no topic has its poses."""
+        self._looks_on_tf += self._on_tf
+        if self._config.topic or self._detections is not None or not self._published(self._rig[0].name):
+            return
+        if self._tf_listener is None:
+            qos = profile(self._depth, reliable=False, latched=False)
+            self._tf_listener = self._node.create_subscription(
+                message_class(TF), self._rig[0].name, self._heard_on_tf, qos, qos_overriding_options=AS_OFFERED
+            )
+
+    def _heard_on_tf(self, message: Any) -> None:
+        self._on_tf = self._on_tf or any(frame_name(one.child_frame_id) in self._frames for one in message.transforms)
+
+    def _leave_tf(self) -> None:
+        if self._tf_listener is not None:
+            self._node.destroy_subscription(self._tf_listener)
+            self._tf_listener = None
 
     def _offer(self, topic: str) -> Offer | None:
         """Type and quality of service of a topic's publishers; None while there is none of the right type."""

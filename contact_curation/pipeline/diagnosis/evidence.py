@@ -9,6 +9,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_of, softness_in_words
+from contact_curation.motion.pose_noise import MOST, RIG_NOISE
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
@@ -30,6 +31,9 @@ NEAREST_UNIT = 1.5
 
 WORTH_MOVE = 0.03
 """Of a body's size: what its centre of mass may be away from where it is described."""
+
+WIDEST = 20.0
+"""[m] What poses in metres span at most; in centimetres, inches or millimetres a throw spans more."""
 
 STEEPEST = 20.0
 """Degrees between gravity and an axis, from which on it is along none."""
@@ -148,7 +152,7 @@ class Evidence:
 
     @cached_property
     def fall(self) -> Fall | None:
-        """None where nothing falls freely, or what seems to is gravity in no unit."""
+        """None where nothing falls freely, what seems to is gravity in no unit, or noise may seem to."""
         if self.gravity is None:
             return None
         size = float(np.linalg.norm(self.gravity))
@@ -158,7 +162,14 @@ class Evidence:
             return None
         angles = {name: _degrees(self.gravity, np.array(axis, float)) for name, axis in AXES.items()}
         axis = min(angles, key=lambda name: angles[name])
-        return Fall(size, unit, axis if angles[axis] < STEEPEST else "", angles["-z"])
+        found = Fall(size, unit, axis if angles[axis] < STEEPEST else "", angles["-z"])
+        return None if self.is_too_noisy and not found.sound else found
+
+    @cached_property
+    def is_too_noisy(self) -> bool:
+        """Whether poses in metres scatter so much that no fall can be seen in them; in other units bodies are far larger."""
+        spans = [float(np.ptp(one.positions, axis=0).max()) for _, one in self.series if len(one)]
+        return max(spans, default=0.0) < WIDEST and self.survey.noise > MOST * RIG_NOISE
 
     @property
     def moved_centre(self) -> MassCentre | None:

@@ -14,7 +14,7 @@ from contact_curation.errors import MissingTopicError, UnreadableInputError
 from contact_curation.motion.body_tracker import MOST_LISTED, BodyPose
 from contact_curation.motion.ingest import IngestConfig, IngestEvent, TossIngest
 from contact_curation.motion.pose_noise import TrackerScale
-from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.pose_stream import LOWEST_RATE, BadPose, FramePose
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
@@ -35,9 +35,6 @@ from contact_curation.storage.provenance import TossProvenance
 MOTION = ", expected motions that fall freely (in metres, z up on the board) and come to rest"
 CHECK = "; `contact-curation check` says why"
 UNNUMBERED = RecordedNumbers()
-
-LOWEST_RATE = 55.0
-"""Lowest pose rate without a warning [Hz]; at lower rates short free falls are missed, which need two accelerations."""
 
 LONGEST_STEP = 0.5
 """[s] Poses further apart are not successive ones."""

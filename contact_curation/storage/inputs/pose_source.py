@@ -213,8 +213,9 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     chosen = named if config.topic else _fitting(topics, board, {body, body_frame, f"body_{body}"})
     if chosen is None:
         listed = sorted(f"{one.name} ({one.type})" for one in topics)
+        others = [one.name for one in topics if one.name != config.topic]
         wanted = (
-            f"topic {config.topic} with poses{near_name(config.topic, [one.name for one in topics])}"
+            f"topic {config.topic} with poses{near_name(config.topic, others)}"
             if config.topic
             else f"one topic with poses of {body}; name it (`topic`) if there are several"
         )

@@ -24,7 +24,7 @@ from contact_curation.session.graph import graph_environment
 from contact_curation.session.node_parameters import declared_parameters, free_port, held_out_inputs, session_parameters
 from contact_curation.session.offline_ranking import rank_command
 from contact_curation.session.parameter_files import Parameters
-from contact_curation.session.session import Session
+from contact_curation.session.session import Session, run_session
 from contact_curation.session.state import SessionState, SessionStores
 from contact_curation.session.summary import gains, outcome_of
 from contact_curation.session.supervisor import ProgramFailedError
@@ -167,6 +167,19 @@ def test_a_folder_with_a_session_is_not_used_again(tmp_path: Path, name: str) ->
     (tmp_path / name).touch()
     with pytest.raises(InvalidValueError, match="expected a folder without a session in it"):
         SessionFolder(tmp_path).make()
+
+
+def test_a_folder_in_which_a_session_is_running_is_not_gone_on_with(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    config = SessionConfig(record=tmp_path, resume=True)
+    with EventLog(folder.events), folder.claimed():
+        before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+        with pytest.raises(InvalidValueError, match="in which a session is running, expected a new folder"):
+            run_session(config, SessionFolder(tmp_path), (), lambda: True, online._Lines())
+        assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+    with SessionFolder(tmp_path).claimed():
+        pass
 
 
 def test_a_session_goes_on_where_it_was_and_only_where_there_is_one(tmp_path: Path) -> None:

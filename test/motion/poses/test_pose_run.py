@@ -17,10 +17,12 @@ from contact_curation.motion.pose_stream import BadPose, FramePose, FrameRun, Po
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected
-from test.motion.streams import CUBE, PERIOD_NS, board_in_map, in_map, noisy, stream
+from test.motion.streams import CUBE, PERIOD_NS, Throw, board_in_map, in_map, noisy, stream
 
 TOSS = stream()
 LOUD = noisy(TOSS, 4.0)
+FAST_NS = 1_000_000
+FAST = noisy(stream(Throw(carried=120, seen=1000), period_ns=FAST_NS), 1.0)
 TRACKER = TrackerConfig("body_cube", largest_wait=0.1)
 CONFIGS = (
     IngestConfig(TRACKER),
@@ -72,6 +74,9 @@ def streams(draw: st.DrawFn) -> list[FramePose]:
     period_ns = draw(st.sampled_from([PERIOD_NS, 1_000_000_000 // 240, 1_000_000_000 // 60]))
     apart_ns = draw(st.sampled_from([0, 100_000_000, 5_000_000_000, -4_000_000_000]))
     poses = tossed(draw(st.integers(1, 3)), draw(st.sampled_from([TOSS, LOUD])), period_ns, apart_ns)
+    if draw(st.integers(0, 3)) == 0:
+        period_ns = FAST_NS
+        poses = tossed(1, FAST, period_ns, apart_ns)
     jitter = draw(st.sampled_from([0, 0, 100_000, 3_000_000]))
     late = np.random.default_rng(draw(st.integers(0, 99))).integers(0, jitter + 1, len(poses)).tolist()
     poses = [replace(one, stamp_ns=one.stamp_ns + by) for one, by in zip(poses, late, strict=True)]
@@ -113,6 +118,11 @@ def test_many_faulty_streams_cut_anywhere(poses: list[FramePose], cuts: list[int
 @pytest.mark.parametrize("poses", [TOSS, LOUD])
 def test_tosses_in_one_run(poses: list[BodyPose], config: IngestConfig) -> None:
     assert assert_same(tossed(3, poses), [], config)
+
+
+@pytest.mark.parametrize("config", CONFIGS[:2])
+def test_tosses_at_1000_hz_in_one_run(config: IngestConfig) -> None:
+    assert assert_same(tossed(2, FAST, FAST_NS), [700, 1500], config) == 2
 
 
 def test_a_body_that_is_caught_in_the_air_in_one_run() -> None:

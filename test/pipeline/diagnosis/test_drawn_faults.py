@@ -1,5 +1,6 @@
 """Kinds of faults that recordings drawn by chance had, and `check` took for others."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,6 +43,21 @@ def test_outliers_are_named_before_the_impacts_that_they_spread(session: Session
 
     fault = Fault("outliers", change, "")
     assert "outliers" in diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault).verdict
+
+
+@pytest.mark.parametrize("millimetres", [1.0, 2.0])
+def test_noise_in_which_no_fall_can_be_seen_is_named_and_nothing_that_it_looks_like(
+    session: Session, tmp_path: Path, millimetres: float
+) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        return made.moved(lambda p: p + 1e-3 * millimetres * rng.standard_normal((len(p), 3)))
+
+    fault = Fault("noise", change, "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    scatter = re.search(r"positions scatter by ([\d.]+) mm", found.verdict)
+    assert scatter is not None
+    assert float(scatter[1]) == pytest.approx(millimetres, rel=0.1)
+    assert not any("feet" in line or "smoothed" in line or "z-down" in line for line in found.reasons)
 
 
 def test_a_wedge_described_in_millimetres_is_named_as_that(tmp_path: Path) -> None:

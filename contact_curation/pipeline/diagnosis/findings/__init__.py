@@ -36,6 +36,7 @@ FINDINGS: tuple[Find, ...] = (
     poses.frames_are_lost,
     stamps.closed_up,
     gravity.nothing_moves,
+    poses.too_noisy,
     orientations.inverted,
     gravity.other_unit,
     gravity.other_axis,

@@ -52,7 +52,7 @@ def other_axis(evidence: Evidence) -> Finding | None:
 
 def no_fall(evidence: Evidence) -> Finding | None:
     """Bodies that move, and never fall freely."""
-    if not evidence.poses or evidence.fall is not None or nothing_moves(evidence) is not None:
+    if not evidence.poses or evidence.fall is not None or nothing_moves(evidence) is not None or evidence.is_too_noisy:
         return None
     gravity = evidence.body.gravity
     hardest = max((_hardest(one) for one in evidence.survey.series), default=0.0)

@@ -80,6 +80,17 @@ def outliers(evidence: Evidence) -> Finding | None:
     return Finding(severity, what, "are tags seen at a slant, or in two images? leave out what fits them badly")
 
 
+def too_noisy(evidence: Evidence) -> Finding | None:
+    """Poses that scatter so much that falls cannot be told from noise."""
+    if evidence.fall is not None or not evidence.is_too_noisy:
+        return None
+    what = (
+        f"positions scatter by {1e3 * evidence.survey.noise:.2g} mm from frame to frame, "
+        f"expected {1e3 * MOST * RIG_NOISE:.2g} mm at most: falls cannot be told from noise"
+    )
+    return Finding(Severity.FAULT, what, "more light, larger tags or a nearer camera")
+
+
 def noisy(evidence: Evidence) -> Finding | None:
     """Poses that scatter more than the segmenter expects."""
     multiple = evidence.survey.noise / RIG_NOISE

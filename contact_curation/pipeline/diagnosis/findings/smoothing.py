@@ -21,6 +21,9 @@ MOST_REPEATED = 0.2
 SHARPEST = 0.75
 """Share of an impact in two frames, at the 90th percentile of throws: over 0.9 in raw poses, under 0.75 behind filters."""
 
+HARD = 20.0
+"""Times the noise of `a_k`: of softer impacts the frames around them hold as much of it."""
+
 WHITEST = -0.4
 """Correlation of successive third differences in the air, from which on noise is filtered."""
 
@@ -128,7 +131,7 @@ def _sharpness(found: Survey) -> Array:
         pairs = given[:-1] + given[1:]
         at = int(np.argmax(pairs))
         around = np.maximum(given[max(at - 3, 0) : at + 5], 0.0).sum()
-        if around > 0.0:
+        if around > 0.0 and pairs[at] > HARD * np.sqrt(6.0) * found.noise / series.period**2:
             shares.append(float(pairs[at] / around))
     return np.array(shares)
 

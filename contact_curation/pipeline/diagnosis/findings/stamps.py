@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.motion.pose_stream import LOWEST_RATE
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.survey.lost_frames import lost_frames
 from contact_curation.motion.survey.series import WIDEST_STEP
@@ -10,9 +11,6 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.storage.inputs.bag_tosses import OVERTAKEN_NS
-
-LOWEST_RATE = 55.0
-"""[Hz] Slower poses miss free falls."""
 
 MOST_DISORDER = 0.02
 """Share of stamps that stand still or go back, from which on it is a fault."""
