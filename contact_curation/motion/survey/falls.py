@@ -33,6 +33,9 @@ IMPACT = 2.0
 ALLOWED = 5.0
 """Times the noise: a frame that is further from its flight's parabola belongs to it no more."""
 
+BENT_TOWARDS = 2.0
+"""Times `ALLOWED`: frames so far off may belong to a flight all the same, since its parabola bends towards them."""
+
 TOGETHER = 0.6
 """Flights that follow one another within this time [s] are bounces of one throw."""
 
@@ -290,7 +293,8 @@ def _parabola(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) 
         ]
         if min(off) > allowed:
             length = float(np.linalg.norm(fit.accelerations[inside][0]))
-            unseen = min(int(np.sqrt(2.0 * allowed / length) / series.period), max(stop - start - fit.frames, 0) // 2)
+            unseen = int(np.ceil(np.sqrt(2.0 * BENT_TOWARDS * allowed / length) / series.period))
+            unseen = min(unseen, max(stop - start - fit.frames, 0) // 2)
             return Flight(flight.series, start + unseen, stop - unseen)
         start, stop = (start - 1, stop) if off[0] < off[1] else (start, stop + 1)
 
