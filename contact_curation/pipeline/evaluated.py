@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,12 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, Spread
 from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
+from contact_curation.learning.evaluation.misfit import sliding_in_words, sliding_of
 from contact_curation.learning.evaluation.without_model import doubt, plain_errors
 from contact_curation.learning.uncertainty.bounce import Bounce
 from contact_curation.learning.uncertainty.more_throws import MoreThrows
 from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
+from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.learned_model import LearnedModel
 from contact_curation.pipeline.wording import counted, counted_tosses
@@ -102,6 +105,18 @@ class Evaluation:
             found[name] = comparison(self.evaluations[0], self.evaluations[1], self.bootstrap)
         return found
 
+    @cached_property
+    def sliding(self) -> Sliding | None:
+        """Frictions of the tosses that slide; None of too few."""
+        return sliding_of((*self.tosses.fitted, *self.tosses.judged_by), self.models[0].body)
+
+    @property
+    def sliding_misfit(self) -> str:
+        """What they say against the first model's friction; empty for nothing."""
+        rows = {one.name: one for one in self.known.parameters} if self.known else {}
+        learned = rows.get("friction")
+        return "" if learned is None else sliding_in_words(self.sliding, learned.value, learned.interval)
+
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""
         return {
@@ -117,6 +132,7 @@ class Evaluation:
             "known_why_not": self.why_not,
             "bounce": self.bounce._asdict() if self.bounce else None,
             "more_throws": self.more_throws._asdict() if self.more_throws else None,
+            "sliding": self.sliding and {"friction": self.sliding.median, "tosses": len(self.sliding.friction)},
             "without_a_model": {
                 name: errors._asdict() for name, errors in plain_errors(self.evaluations[0], self.models[0].body).items()
             },
@@ -166,6 +182,8 @@ def _lines(report: Evaluation) -> Iterator[str]:
         if doubt(report.evaluations[0], report.models[0].body):
             yield "careful: these are deviations of a model that does not describe the motions; they say nothing of the body"
         yield from _known(report.known, at_optimum=report.models[0].at_optimum)
+        if report.sliding_misfit:
+            yield f"careful: {report.sliding_misfit}"
     else:
         yield report.why_not
     if report.more_throws:

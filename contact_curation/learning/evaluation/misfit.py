@@ -32,6 +32,8 @@ RESTING = 8
 NOISY = 3.0
 """Standard deviations at rest by which noise lowers the lowest of some hundred frames."""
 
+NORMAL_95 = 1.96
+
 VARYING = 0.1
 """Standard deviation of frictions over tosses, relative to their median: the real cube's is 0.05."""
 
@@ -89,6 +91,22 @@ def sliding_of(tosses: Sequence[Toss], body: Body) -> Sliding | None:
     radius = float(np.linalg.norm(body.vertices, axis=1).max())
     found = sliding(tosses, radius, body.gravity)
     return found if len(found.friction) >= FEWEST else None
+
+
+def sliding_in_words(found: Sliding | None, friction: float, interval: float) -> str:
+    """How tosses slide, if not with a learned friction; else empty.
+
+    Args:
+        found: their frictions.
+        friction: learned.
+        interval: half width of its 95 % interval.
+    """
+    if found is None or abs(found.median - friction) <= interval + NORMAL_95 * found.median_error:
+        return ""
+    return (
+        f"bodies that slide slow down by a friction of {found.median:.3f} (median of {len(found.friction)} tosses), the "
+        f"model's is {friction:.3f} +- {interval:.3f}: impacts, which rule a fit, rub otherwise than slides, or contacts give way"
+    )
 
 
 def misfits(tosses: Sequence[Toss], body: Body, *, bounces: bool) -> tuple[str, ...]:

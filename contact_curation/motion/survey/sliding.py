@@ -36,6 +36,17 @@ class Sliding:
     error: Array
 
     @property
+    def median(self) -> float:
+        """The middle one."""
+        return float(np.median(self.friction))
+
+    @property
+    def median_error(self) -> float:
+        """Its standard error, of tosses whose frictions scatter as they do."""
+        scatter = 1.4826 * float(np.median(np.abs(self.friction - self.median)))
+        return 1.25 * max(scatter, float(np.median(self.error))) / float(np.sqrt(len(self.friction)))
+
+    @property
     def variation(self) -> float:
         """Standard deviation of the tosses' frictions, without what their errors explain, relative to their median."""
         middle = float(np.median(self.friction))

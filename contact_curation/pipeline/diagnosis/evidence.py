@@ -172,6 +172,11 @@ class Evidence:
         return max(spans, default=0.0) < WIDEST and self.survey.noise > MOST * RIG_NOISE
 
     @property
+    def rests_on_board(self) -> bool:
+        """Whether bodies come to rest at the height of the board, but for what may be chance."""
+        return self.rig is not None and self.rig.height.holds_none
+
+    @property
     def moved_centre(self) -> MassCentre | None:
         """The centre of mass seen from where it is described, where it is certainly and noticeably not there; needs `rig`."""
         if self.rig is None or self.mass_centre is None:

@@ -13,7 +13,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
-from contact_curation.learning.evaluation.misfit import bounce_in_words
+from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_in_words, sliding_of
 from contact_curation.motion.survey.sliding import sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.diagnosis.evidence import Evidence
@@ -104,6 +104,13 @@ def test_the_sliding_friction_is_that_of_the_world_and_stands_beside_the_describ
     assert fact.line.startswith("sliding friction: 0.18")
     assert fact.line.endswith("described 0.18")
     assert len(sliding(thrown()[:0], RADIUS, CUBE.gravity).friction) == 0
+
+
+def test_a_learned_friction_that_no_slide_bears_out_is_said_to_be_one() -> None:
+    found = sliding_of(thrown(), CUBE)
+    assert sliding_in_words(found, 0.182, 0.01) == ""
+    assert sliding_in_words(None, 0.5, 0.01) == ""
+    assert sliding_in_words(found, 0.25, 0.01).startswith("bodies that slide slow down by a friction of 0.18")
 
 
 def test_bounds_on_accuracy_are_not_left_alone_beside_a_model_that_is_not_right() -> None:

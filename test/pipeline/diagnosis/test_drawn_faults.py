@@ -60,6 +60,20 @@ def test_noise_in_which_no_fall_can_be_seen_is_named_and_nothing_that_it_looks_l
     assert not any("feet" in line or "smoothed" in line or "z-down" in line for line in found.reasons)
 
 
+def test_impacts_that_go_deep_though_rests_lie_on_the_board_are_not_called_a_wrong_height(
+    session: Session, tmp_path: Path
+) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        positions = made.poses[:, :3]
+        speeds = np.linalg.norm(np.gradient(positions, axis=0), axis=1) * 148.0
+        deep = (speeds > 0.3) & (positions[:, 2] < 0.08)
+        return made.moved(lambda p: p - np.outer(0.01 * deep, [0.0, 0.0, 1.0]))
+
+    fault = Fault("soft", change, "")
+    verdict = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault).verdict
+    assert "bodies at rest lie on the board, so impacts press them into it" in verdict
+
+
 def test_a_wedge_described_in_millimetres_is_named_as_that(tmp_path: Path) -> None:
     """Its faces are at several distances, so that no height of the board corrects it."""
     uneven = np.diag([1.0, 0.8, 0.6])

@@ -28,6 +28,10 @@ HINTS = {
 }
 """By the name of a reason."""
 
+DEEP = ("lowest corner of the toss", "depth in the board")
+SOFT = "bodies at rest lie on the board, so impacts press them into it: a firmer board? ContactNets' model has rigid contacts"
+"""Hint for `DEEP` ones where height and size are right."""
+
 FEW = 8
 SAME_LENGTH = 1e-4
 """Poses that differ by less are the same in two recordings [m]."""
@@ -45,8 +49,10 @@ def rejected(evidence: Evidence) -> Finding | None:
     parts = [f"{count} {name}{_sizes(reasons[name])}" for name, count in counts.most_common()]
     first = counts.most_common(1)[0][0]
     what = f"{len(evidence.rejected)} of {len(evidence.outcomes)} motions rejected: {'; '.join(parts)}"
-    severity = Severity.FAULT if evidence.mostly_rejected else Severity.FACT
-    return Finding(severity, what, HINTS.get(first, "") if severity == Severity.FAULT else "")
+    if not evidence.mostly_rejected:
+        return Finding(Severity.FACT, what)
+    hint = SOFT if first in DEEP and evidence.rests_on_board else HINTS.get(first, "")
+    return Finding(Severity.FAULT, what, hint)
 
 
 def never_at_rest(evidence: Evidence) -> Finding | None:
