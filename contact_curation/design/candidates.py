@@ -1,7 +1,7 @@
 """Candidate releases: their predicted information, and whether they are safe."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -105,6 +105,26 @@ class Candidates:
         )
 
 
+OTHER_LIMITS = "they are those of ContactNets' arm and board, --set safety.FIELD=VALUE gives yours"
+"""What to do where hardly anything may be thrown."""
+
+
+def too_few(found: int, pool: int, count: int, refusals: Iterable[str | None]) -> InvalidValueError:
+    """The error that fewer releases may be thrown than throws are wanted.
+
+    Args:
+        found: releases that may be thrown.
+        pool: of so many.
+        count: throws.
+        refusals: of the others; None is none.
+    """
+    reasons = [one for one in refusals if one]
+    common = Counter(one.partition(":")[0] for one in reasons).most_common(1)
+    example = next((f" ({one})" for one in reasons if one.partition(":")[0] == common[0][0]), "")
+    expected = f"at least {count}; a larger pool (--set design.pool=N), or other limits: {OTHER_LIMITS}"
+    return InvalidValueError("releases that may be thrown", f"{found} of {pool}{example}", expected)
+
+
 class CandidateEvaluator:
     """Evaluates releases at one or several thetas, with the executions' noise as it is known.
 
@@ -157,18 +177,21 @@ class CandidateEvaluator:
             InvalidValueError: hardly any may be; the limit that refused most is named.
         """
         safe: list[Releases] = []
-        found, refused = 0, Counter[str]()
+        found, refused, example = 0, Counter[str](), dict[str, str]()
         for _ in range(MOST_DRAWS):
             drawn = prior.draw(max(count - found, 32), rng)
             refusals = self.refusals(drawn)
             good = [index for index, refusal in enumerate(refusals) if refusal is None]
-            refused.update(refusal.partition(":")[0] for refusal in refusals if refusal)
+            for refusal in (one for one in refusals if one):
+                refused[refusal.partition(":")[0]] += 1
+                example.setdefault(refusal.partition(":")[0], refusal)
             safe.append(drawn.taken(good))
             found += len(good)
             if found >= count:
                 return Releases.joined(safe).taken(np.arange(count))
         limits = ", ".join(f"{name} {times} times" for name, times in refused.most_common(3))
-        raise InvalidValueError("safe releases", f"{found} of {found + refused.total()} (refused by {limits})", f"{count}")
+        said = f"{found} of {found + refused.total()} (refused by {limits}; e.g. {example[refused.most_common(1)[0][0]]})"
+        raise InvalidValueError("safe releases", said, f"{count}; other limits: {OTHER_LIMITS}")
 
     def refusals(self, releases: Releases) -> Refusals:
         """Why releases may not be thrown, by what they show themselves."""

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.design.candidates import too_few
 from contact_curation.design.planner import Plan, Planner
-from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.accumulated import Accumulated
@@ -111,13 +111,15 @@ def exploration_plan(
     refusals = planner.evaluator.described_refusals(states)
     fine = np.array([index for index, refusal in enumerate(refusals) if refusal is None], dtype=np.int64)
     features, seen = impact_features(body, states), features_of(body, thrown)
+    refused_too: list[str] = []
     while True:
         if len(fine) < len(names):
-            raise InvalidValueError("releases that may be thrown", f"{len(fine)} of {len(states)}", f"{len(names)}")
+            raise too_few(len(fine), len(states), len(names), (*refusals, *refused_too))
         picked = fine[spread(features[fine], len(names), seen, seed)]
         answers = planner.evaluator.thrower_refusals(states[picked])
         refused = [index for index, answer in zip(picked, answers) if answer]
         if not refused:
             break
         fine = fine[~np.isin(fine, refused)]
+        refused_too += [one for one in answers if one]
     return planner.planned(names, planner.forecast(releases.taken(picked)), known, refusals)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from contact_curation.design.candidates import CandidateConfig, CandidateEvaluator, Candidates
+from contact_curation.design.candidates import CandidateConfig, CandidateEvaluator, Candidates, too_few
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.greedy_batch import (
     DEFAULT_REFINEMENT,
@@ -273,9 +273,7 @@ class Planner:
         usable = candidates.taken(np.flatnonzero(candidates.usable))
         refusals = [*candidates.refusals, *self.evaluator.last_refusals(usable.states)]
         found = sum(refusal is None for refusal in refusals[len(candidates.states) :])
-        reasons = Counter(refusal for refusal in refusals if refusal).most_common(1)
-        said = f"{found} of {len(candidates.states)}" + "".join(f" ({reason})" for reason, _ in reasons)
-        return InvalidValueError("releases that may be thrown", said, f"at least {count}; a larger pool, or other limits")
+        return too_few(found, len(candidates.states), count, refusals)
 
     def _referred(self) -> Releases:
         """Releases of the prior, the same at every theta and noise; not all of them need be safe to throw."""
@@ -316,5 +314,5 @@ def _first(planner: Planner, names: Sequence[str], known: Sequence[Accumulated],
         if candidates.refusals[index] is None and planner.evaluator.last_refusals(candidates.states[[index]])[0] is None:
             picked.append(int(index))
     if len(picked) < len(names):
-        raise InvalidValueError("releases that may be thrown", f"{len(picked)} of {len(scores)}", f"{len(names)}")
+        raise too_few(len(picked), len(scores), len(names), candidates.refusals)
     return planner.planned(names, planner.forecast(candidates.releases.taken(picked)), known, candidates.refusals)

@@ -108,9 +108,10 @@ class _Limit:
         outside = ~((values >= self.lowest) & (values <= self.highest))  # a value that is not a number is outside
         if outside.mean() <= share:
             return None
-        value = float(np.median(values[outside]))
+        value = float(np.median(values[outside]))  # not a number where one of them is none
         expected = f"at least {self.lowest:.4g}" if value < self.lowest else f"at most {self.highest:.4g}"
-        return f"{self.name}: found {value:.4g} {self.unit} in {outside.mean():.1%} of executions, expected {expected}"
+        found = "none" if np.isnan(value) else f"{value:.4g} {self.unit}"  # e.g. no rest of a body that rolls
+        return f"{self.name}: found {found} in {outside.mean():.1%} of executions, expected {expected}"
 
 
 @dataclass(frozen=True, eq=False)

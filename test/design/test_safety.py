@@ -101,7 +101,7 @@ def test_a_body_that_does_not_come_to_rest_is_refused() -> None:
     fast = with_value(SPEED, 9.0)
     found = motion_refusal(fast, replace(FEW, board_half_width=99.0))
     assert found is not None
-    assert found.startswith("rest: found nan")
+    assert found.startswith("rest: found none in ")
 
 
 @pytest.mark.parametrize(("deviations", "refused"), [(2.0, True), (3.0, False)])

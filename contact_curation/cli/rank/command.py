@@ -83,7 +83,7 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--form",
         choices=[form.value for form in Form],
-        help="how theta is parameterised (default: its own; of the body as described physical)",
+        help="how theta is parameterised (default: its own; of the body as described rigid)",
     )
     group.add_argument(
         "--device", default=CPU, metavar="NAME", help="where networks are evaluated: cpu, cuda or cuda:N (default cpu)"

@@ -105,7 +105,7 @@ def sliding_in_words(found: Sliding | None, friction: float, interval: float) ->
         return ""
     return (
         f"bodies that slide slow down by a friction of {found.median:.3f} (median of {len(found.friction)} tosses), the "
-        f"model's is {friction:.3f} +- {interval:.3f}: impacts, which rule a fit, rub otherwise than slides, or contacts give way"
+        f"model's is {friction:.3f} +- {interval:.3f}: impacts, which rule a fit, rub otherwise, or contacts give way"
     )
 
 
