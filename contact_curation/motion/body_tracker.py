@@ -31,6 +31,9 @@ from contact_curation.motion.pose_stream import (
 )
 from contact_curation.motion.toss import NANOSECONDS
 
+AROUND = "around its time"
+"""Said where what leads to the board is known, and not at the time of a pose."""
+
 MOST_LISTED = 8
 """Names of frames in one line."""
 
@@ -205,7 +208,7 @@ class BodyTracker:
 
     def flush(self) -> tuple[TrackerEvent, ...]:
         """Ends the stream: body poses that still wait are given up."""
-        return self._counted(self._give_up(len(self._waiting), "the stream ended"))
+        return self._counted(self._last_look("the stream ended"))
 
     def snapshot(self) -> dict[str, Any]:
         """The state as plain numbers, lists and names, which JSON keeps exactly, without moving frames that are not needed."""
@@ -242,7 +245,7 @@ class BodyTracker:
         back_ns = 0 if self._last_ns is None else self._last_ns - measured.stamp_ns
         if back_ns > self.config.clock_jump * NANOSECONDS:
             jump = [
-                *self._give_up(len(self._waiting), "the clock jumped back"),
+                *self._last_look("the clock jumped back"),
                 ClockJump(measured.stamp_ns, back_ns / NANOSECONDS),
             ]
             self._tree.forget_after(measured.stamp_ns + int(self.config.clock_jump * NANOSECONDS))
@@ -272,7 +275,7 @@ class BodyTracker:
             elif self._board_may_come:
                 break
             elif self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS:
-                events += self._give_up(1, f"none within {self.config.largest_wait:g} s")
+                events.append(self._lost(self._waiting.popleft(), f"none within {self.config.largest_wait:g} s"))
             else:
                 break
         return events
@@ -347,14 +350,26 @@ class BodyTracker:
                 return self._tree.path(parent, common) or [], from_board
         return None
 
-    def _give_up(self, number: int, why: str) -> list[TrackerEvent]:
-        """Lets the oldest waiting body poses go."""
-        lost = [self._waiting.popleft() for _ in range(number)]
-        return [BadPose(one.stamp_ns, one.child, f"board: found {why}, {self._wanted(one.parent)}", "frame") for one in lost]
+    def _last_look(self, why: str) -> list[TrackerEvent]:
+        """The body poses that wait, those placed for which the board is known: an earlier one may have waited in vain."""
+        events: list[TrackerEvent] = []
+        while self._waiting:
+            measured = self._waiting.popleft()
+            found = self._in_board(measured)
+            placed = None if found is None else self._without_jump(BodyPose(measured.stamp_ns, found))
+            events.append(placed or self._lost(measured, why))
+        return events
 
-    def _wanted(self, parent: str) -> str:
-        """What a pose in frame `parent` waited for, which frames there are, and what to do."""
-        wanted = f"expected poses that lead from frame '{self.config.board_frame}' to frame '{parent}' at its time"
+    def _lost(self, measured: FramePose, why: str) -> BadPose:
+        return BadPose(measured.stamp_ns, measured.child, f"board: found {why}, {self._wanted(measured)}", "frame")
+
+    def _wanted(self, measured: FramePose) -> str:
+        """What a pose waited for, which frames there are, and what to do."""
+        parent, board = measured.parent, self.config.board_frame
+        if self._way(parent, measured.child) is not None:
+            gap = f"at most {self.config.largest_rig_gap:g} s apart {AROUND}"
+            return f"expected transforms between '{board}' and '{parent}' {gap}: send them faster, or once on /tf_static"
+        wanted = f"expected poses that lead from frame '{board}' to frame '{parent}' at its time"
         here = ", ".join(self._tree.frames[:MOST_LISTED]) or "none"
         named = "" if parent else "; header.frame_id of the poses is empty: set it"
         return f"{wanted}{named}; frames here: {here}; where poses are given on the board, use --board-frame ''"

@@ -106,6 +106,17 @@ def test_a_hole_in_a_moving_board_loses_the_poses_in_it_and_no_others() -> None:
     assert_poses([event for event in found if not isinstance(event, BadPose)], TRUTH[:10] + TRUTH[13:])
 
 
+def test_poses_behind_one_that_waits_in_vain_are_placed_at_the_end_all_the_same() -> None:
+    config = TrackerConfig("body_cube", largest_rig_gap=2.5 * PERIOD_NS / 1e9)
+    boards = [FramePose(one.stamp_ns, "map", "body_surface", BOARD) for one in TRUTH]
+    measured = [one for pair in zip(boards[:20] + boards[25:], in_map(TRUTH)) for one in pair] + in_map(TRUTH)[35:]
+    found = tracked(measured, config)  # nothing waits for as long as `largest_wait`
+    bad = [event for event in found if isinstance(event, BadPose)]
+    assert [event.stamp_ns for event in bad] == [one.stamp_ns for one in TRUTH[20:25]]
+    assert "expected transforms between 'body_surface' and 'map' at most 0.0168919 s apart around its time" in bad[0].why
+    assert_poses([event for event in found if not isinstance(event, BadPose)], TRUTH[:20] + TRUTH[25:])
+
+
 @pytest.mark.parametrize(("back", "jumps"), [(1.01, True), (0.99, False)])
 def test_a_clock_that_jumps_far_back_starts_anew(back: float, jumps: bool) -> None:
     once = in_map(TRUTH)

@@ -144,7 +144,7 @@ def survey(series: Sequence[PoseSeries]) -> Survey:
     noises = [noise for one in series if (noise := noise_of(one))]
     noise = float(np.median(noises)) if noises else 0.0
     speeds = [float(np.linalg.norm(fit.velocities, axis=1).max()) for fit in fits if len(fit.first)]
-    shared = _shared_acceleration(fits, noise)
+    shared = _shared_acceleration(series, fits, noise)
     if shared is None:
         return Survey(series, noise, None, (), max(speeds, default=0.0))
     flights = [
@@ -176,28 +176,41 @@ def _fitting(fit: LocalFits, noise: float) -> NDArray[np.bool_]:
     return np.asarray((bulge > CLEAR * noise) & (bulge > 0.0) & (fit.residuals < np.maximum(BENT * bulge, 3.0 * noise)))
 
 
-def _shared_acceleration(fits: Sequence[LocalFits], noise: float) -> Array | None:
-    """(3,) the acceleration with most others near it; None where hardly two are alike."""
+def _shared_acceleration(series: Sequence[PoseSeries], fits: Sequence[LocalFits], noise: float) -> Array | None:
+    """(3,) the acceleration that most stretches of time have in common; None where hardly two windows are alike."""
     for before in (_before_impact, _before_the_end):
-        rows = [fit.accelerations[_fitting(fit, noise) & before(fit)] for fit in fits]
-        found = np.concatenate(rows) if rows else np.zeros((0, 3))
-        if (shared := _most_alike(found)) is not None:
+        kept = [_fitting(fit, noise) & before(fit) for fit in fits]
+        rows = [fit.accelerations[mask] for fit, mask in zip(fits, kept, strict=True)]
+        stretches = [_stretches(*each) for each in zip(range(len(fits)), series, fits, kept, strict=True)]
+        if rows and (shared := _most_alike(np.concatenate(rows), np.concatenate(stretches))) is not None:
             return shared
     return None
 
 
-def _most_alike(found: Array) -> Array | None:
-    """(3,) of accelerations (N, 3) the one with most others near it; None where hardly two are alike."""
+def _stretches(place: int, series: PoseSeries, fit: LocalFits, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(N, 2) series and stretch of time of its windows: what lies in one of them may be one slide, or one pull of a hand."""
+    spans = (series.times[fit.first[kept]] / TOGETHER).astype(np.int64)
+    return np.stack([np.full(len(spans), place), spans], axis=1)
+
+
+def _most_alike(found: Array, stretches: NDArray[np.int64]) -> Array | None:
+    """(3,) of accelerations (N, 3) the one that most windows and most stretches (N, 2) have; None where hardly two are alike.
+
+    Its length counts, too: slides, and what an arm does alike every time, are slower than falls.
+    """
     if len(found) < 3:
         return None
-    found = found[np.linspace(0, len(found) - 1, min(len(found), MOST_COMPARED)).astype(int)]
+    some = np.linspace(0, len(found) - 1, min(len(found), MOST_COMPARED)).astype(int)
+    found, names = found[some], np.unique(stretches[some], axis=0, return_inverse=True)[1].ravel()
     lengths = np.linalg.norm(found, axis=1)
     apart = np.linalg.norm(found[:, np.newaxis] - found[np.newaxis], axis=2)
-    alike = (apart < NEAR * lengths[:, np.newaxis]).sum(axis=1)
-    best = int(np.argmax(alike))
-    if alike[best] < 3:
+    alike = apart < NEAR * lengths[:, np.newaxis]
+    seen = (alike @ np.eye(names.max() + 1)[names] > 0.0).sum(axis=1)
+    windows = alike.sum(axis=1)
+    best = int(np.argmax(seen * windows * lengths))
+    if windows[best] < 3:
         return None
-    return np.asarray(np.median(found[apart[best] < NEAR * lengths[best]], axis=0))
+    return np.asarray(np.median(found[alike[best]], axis=0))
 
 
 def _before_impact(fit: LocalFits) -> NDArray[np.bool_]:
@@ -236,7 +249,9 @@ def _joined(series: PoseSeries, flights: Sequence[Flight], shared: Array, noise:
         if joined and len(frames) * series.period < LONGEST_FALL:
             places = series.positions[whole.first : whole.stop]
             terms = np.linalg.lstsq(_powers(frames), places, rcond=None)[0]
-            near = np.linalg.norm(terms[2] / series.period**2 - shared) < 2.0 * NEAR * np.linalg.norm(shared)
+            near = np.linalg.norm(
+                terms[2] / series.period_of(whole.first, whole.stop) ** 2 - shared
+            ) < 2.0 * NEAR * np.linalg.norm(shared)
             if near and np.abs(places - _powers(frames) @ terms).max() <= ALLOWED * noise:
                 joined[-1] = whole
                 continue
@@ -262,7 +277,7 @@ def _throws(
         one = series[longest.series]
         span = _parabola(one, fits[longest.series], longest, noise)
         rest = _rest(one, fits[longest.series], group[-1].stop, end, shared, noise)
-        acceleration = acceleration_of(one.positions[span.first : span.stop], one.period)
+        acceleration = acceleration_of(one.positions[span.first : span.stop], one.period_of(span.first, span.stop))
         throws.append(Throw(tuple(group), rest, span, acceleration))
     return throws
 
@@ -313,7 +328,7 @@ def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Arra
     speeds, pulls = (np.linalg.norm(each[inside], axis=1) for each in (fit.velocities, fit.accelerations))
     places = fit.first[inside][(speeds < max(STILL * length, slow)) & (pulls < max(0.1 * length, pulled))]
     for part in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
-        at_the_end = len(part) > 0 and part[-1] + fit.frames == len(series)  # files are cut as soon as the body is still
+        at_the_end = len(part) > 0 and part[-1] + 1 not in fit.first  # recordings are cut as soon as the body is still
         if len(part) >= STILL_WINDOWS or at_the_end:
             first, stop = int(part[0]), int(min(part[-1] + fit.frames, part[0] + REST_FRAMES))
             turns = series.orientations_wxyz[first:stop]

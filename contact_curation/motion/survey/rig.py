@@ -207,7 +207,12 @@ def _scale(survey: Survey, gravity: float, center: Array | None) -> Estimate:
         places = [one.positions + quaternions.rotate(one.orientations_wxyz, center) for one in survey.series]
         spans = [throw.span for throw in survey.throws]
         accelerations = np.array(
-            [acceleration_of(places[one.series][one.first : one.stop], survey.series[one.series].period) for one in spans]
+            [
+                acceleration_of(
+                    places[one.series][one.first : one.stop], survey.series[one.series].period_of(one.first, one.stop)
+                )
+                for one in spans
+            ]
         )
     weights = np.array([throw.frames**5.0 for throw in survey.throws])
     off = np.linalg.norm(accelerations - np.median(accelerations, axis=0), axis=1)

@@ -55,6 +55,10 @@ class PoseSeries:
         """Median step [s]; NaN where there is none."""
         return float(np.median(self.steps)) if self.steps.size else float("nan")
 
+    def period_of(self, first: int, stop: int) -> float:
+        """Mean step of the frames `first` to `stop` [s]: the rate of a recording may vary."""
+        return float(self.times[stop - 1] - self.times[first]) / (stop - 1 - first)
+
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
@@ -97,7 +101,7 @@ def series_of(outcome: Toss | Rejected) -> PoseSeries:
 
 
 def local_fits(series: PoseSeries) -> LocalFits:
-    """A parabola at every frame that has a window of successive frames behind it; stamps count as even within it."""
+    """A parabola at every frame that has a window of successive frames behind it; stamps count as even within its own."""
     frames = max(FEWEST, round(SPAN / series.period) + 1) if len(series) > FEWEST else FEWEST
     count = len(series) - frames + 1
     if count < 1:
@@ -111,7 +115,7 @@ def local_fits(series: PoseSeries) -> LocalFits:
     residuals = np.sqrt(np.maximum(left, 0.0).sum(axis=1) / (3 * frames))
     apart = np.concatenate([[0], np.cumsum(series.steps > WIDEST_STEP * series.period)])
     whole = np.flatnonzero(apart[frames - 1 :] == apart[:count])
-    period = series.period
+    period = ((series.times[whole + frames - 1] - series.times[whole]) / (frames - 1))[:, np.newaxis]
     return LocalFits(frames, whole, 2.0 * bend[whole] / period**2, slope[whole] / period, residuals[whole])
 
 

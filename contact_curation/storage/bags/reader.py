@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import cached_property
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from struct import error as StructError
 from types import TracebackType
@@ -30,6 +30,14 @@ from contact_curation.storage.bags.formats.mcap_records import MCAP_MAGIC
 from contact_curation.storage.bags.formats.ros1 import ROS1_MAGIC, open_ros1
 from contact_curation.storage.bags.formats.sqlite import SQLITE_MAGIC, SqliteStorage
 from contact_curation.storage.bags.records import BagMessage, Channel, OfferedQos, RawMessage, StoredMessage, TopicInfo
+
+AS_PARTS = "they are read as parts of one recording"
+
+OVERLAP = 0.1
+"""Share of the shorter file's time: parts of a recording overlap by less."""
+
+OF_ALL = frozenset({"/tf", "/tf_static", "/rosout", "/clock", "/parameter_events", "/diagnostics"})
+"""Topics that several recorders of one session may have recorded each."""
 
 LONGEST_MAGIC = max(len(magic) for magic in (MCAP_MAGIC, ROS1_MAGIC, SQLITE_MAGIC, ZSTD_MAGIC))
 KINDS = "an MCAP file, a rosbag2 database (.db3) or a ROS 1 bag (version 2.0)"
@@ -203,7 +211,20 @@ class BagReader:
             raise errors[0]
         for unread in errors:
             self._losses.say((unread.path.name, "file"), f"{unread}: left out, the other files of the bag are read")
+        self._say_overlaps(storages)
         return storages
+
+    def _say_overlaps(self, storages: Sequence[BagStorage]) -> None:
+        """Reports files that record the same topics at the same time, as parts of one recording do not."""
+        for one, other in pairwise(sorted(storages, key=lambda storage: storage.extent_ns[0])):
+            (first, end), (begin, last) = one.extent_ns, other.extent_ns
+            shared = {each.topic for each in one.channels} & {each.topic for each in other.channels}
+            if shared - OF_ALL and min(end, last) - begin > OVERLAP * min(end - first, last - begin):
+                both = f"{one.name} and {other.name} have {min(shared - OF_ALL)} at the same time"
+                self._losses.say(
+                    (one.name, other.name, "overlap"),
+                    f"{both}: {AS_PARTS}; if they are two, give them one by one",
+                )
 
     @cached_property
     def topics(self) -> tuple[TopicInfo, ...]:
@@ -293,7 +314,8 @@ class BagReader:
         digests = [(file_sha256(file), file.name) for file in self._folder.files]
         if len(digests) == 1:
             return digests[0][0]
-        return hashlib.sha256("".join(f"{digest}  {name}\n" for digest, name in digests).encode()).hexdigest()
+        listed = "".join(f"{digest}  {name}\n" for digest, name in digests)
+        return hashlib.sha256(listed.encode(errors="surrogateescape")).hexdigest()
 
     def close(self) -> None:
         """Closes the files."""

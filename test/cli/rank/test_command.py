@@ -18,10 +18,14 @@ from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.record import TossInformation
 from contact_curation.information.scoring import Scorer, ScoringConfig
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
 from contact_curation.storage.inputs.inputs import open_inputs
 from contact_curation.storage.manifest.file import read_manifest
 from test.cli.commands import Cli, write_parameters
+from test.simulated import simulated_tosses
 from test.storage.inputs.test_inputs import cut_short, mcap_file
 
 FAULTS = {"displacement beside the velocity", "gap", "lowest corner of the toss"}
@@ -50,6 +54,16 @@ def test_it_is_the_ranking_of_the_library_and_the_faulty_tosses_are_rejected(cli
     proven = cli("rank", golden, "--top", "8", "--criterion", "log-det", "--json").json["diagnostics"]
     assert 0.0 < proven["certificate"]["subset"] <= 1.0
     assert report["diagnostics"]["optimum_shift"]["distance"] < proven["optimum_shift"]["distance"]
+
+
+def test_tosses_that_come_again_with_other_stamps_are_told_of(cli: Cli, tmp_path: Path) -> None:
+    for name, later in (("a", 0), ("b", 3_600)):
+        rig = TagslamRig(rules=SegmenterConfig(), epoch_ns=(1_600_000_000 + later) * 10**9)
+        with BagWriter(tmp_path / f"{name}.mcap") as bag:
+            record(bag, CONTACTNETS_CUBE, simulated_tosses(3, 1), rig)
+    alone, both = cli("rank", tmp_path / "a.mcap"), cli("rank", tmp_path / "a.mcap", tmp_path / "b.mcap")
+    assert "count twice" not in alone.err
+    assert "3 tosses are copies under another id" in both.err
 
 
 @pytest.mark.parametrize("ending", ["parquet", "csv", "json"])

@@ -12,8 +12,15 @@ from benchmarks.data.check_faults import Fault, Session, diagnosed, simulated_se
 from benchmarks.data.check_faults_drawn import KINDS, Drawing
 from benchmarks.data.thrown_bodies import bodies
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.design.releases import published_releases
+from contact_curation.design.throw import throw_of_state
 from contact_curation.motion.survey.falls import survey
-from contact_curation.pipeline.diagnosis.findings.smoothing import _colour
+from contact_curation.motion.survey.series import series_of
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.findings.smoothing import _colour, smoothed
+from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
 from test.motion.survey.rigs import Rig, Throws, recorded
 
 
@@ -126,3 +133,24 @@ def test_every_kind_of_fault_can_be_drawn() -> None:
 
     assert drawn(0) == drawn(0) != drawn(1)
     assert len(KINDS) >= 35
+
+
+def test_poses_that_are_there_twice_are_a_warning_and_count_once(session: Session, tmp_path: Path) -> None:
+    fault = Fault("twice", lambda made, _: made.only(np.repeat(np.arange(len(made.poses)), 2)), "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    assert found.ok
+    assert "poses are there twice, and count once" in found.verdict
+
+
+@pytest.mark.parametrize("rate", [60.0, 500.0, 1000.0])
+def test_recordings_of_other_rates_are_as_sound_as_those_of_148_hz(rate: float) -> None:
+    config = ThrownTossConfig(frame_period=1.0 / rate)
+    throws = [throw_of_state(f"{n}", "cube", one) for n, one in enumerate(published_releases(8, np.random.default_rng(5)))]
+    tosses = tuple(thrown_toss(CONTACTNETS_CUBE, throw, config) for throw in throws)
+    evidence = Evidence(
+        ReadingConfig(CONTACTNETS_CUBE), (Recording("a", series=tuple(map(series_of, tosses)), outcomes=tosses),)
+    )
+    assert evidence.fall is not None
+    assert evidence.fall.sound
+    assert len(evidence.survey.throws) >= 7
+    assert smoothed(evidence) is None

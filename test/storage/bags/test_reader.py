@@ -1,6 +1,7 @@
 """Whole bags of every format give the same messages, in order of log time, as the field's own tools do."""
 
 import hashlib
+import os
 import sqlite3
 import tracemalloc
 from collections.abc import Callable
@@ -403,3 +404,20 @@ def test_a_type_that_was_recorded_without_msg_is_the_same_type(tmp_path: Path) -
     with BagReader(path) as reader:
         assert [topic.type for topic in reader.topics] == [ODOMETRY]
     assert_same(read(path)[0], sent)
+
+
+def test_files_of_a_folder_that_record_a_topic_at_the_same_time_are_told_of(tmp_path: Path) -> None:
+    for number, part in enumerate((SENT[::2], SENT[1::2])):
+        write_ours(tmp_path / f"session_{number}.mcap", part)
+    with BagReader(tmp_path) as reader:
+        assert any("at the same time: they are read as parts of one recording" in line for line in reader.losses)
+    (tmp_path / "session_1.mcap").unlink()
+    with BagReader(tmp_path) as reader:
+        assert reader.losses == ()
+
+
+def test_a_folder_may_have_files_whose_names_are_no_text(tmp_path: Path) -> None:
+    write_ours(tmp_path / "part_0.mcap", SENT[:100])
+    write_ours(tmp_path / "part_1.mcap", SENT[100:]).rename(os.fsdecode(os.fsencode(tmp_path) + b"/part_\xe9.mcap"))
+    with BagReader(tmp_path) as reader:
+        assert len(reader.sha256) == 64

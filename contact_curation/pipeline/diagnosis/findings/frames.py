@@ -1,5 +1,6 @@
 """Whether the board's frame was found, and whose poses these are."""
 
+from contact_curation.motion.body_tracker import AROUND
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -8,13 +9,16 @@ from contact_curation.storage.inputs.pose_source import is_of_another
 ON_BOARD = ("--board-frame", "")
 MOST_LISTED = 8
 
+MANY = 0.01
+"""Share of poses that wait for the board in vain, from which on it is worth a line."""
+
 
 def board_is_not_found(evidence: Evidence) -> Finding | None:
     """Most poses wait in vain for what leads from the board's frame to theirs."""
 
     def line(one: Recording) -> str:
         lost = one.bad.get("frame", 0)
-        if one.source is None or lost <= one.poses:
+        if one.source is None or lost <= one.poses or AROUND in one.why_bad["frame"]:
             return ""
         parent = max(one.parents, key=lambda name: one.parents[name], default="")
         board = one.source.board_frame
@@ -29,6 +33,23 @@ def board_is_not_found(evidence: Evidence) -> Finding | None:
         return None
     remedy = "record /tf_static, name the board with --board-frame NAME, or say --board-frame '' where poses are given on it"
     return Finding(Severity.FAULT, of_recordings(evidence, found), remedy, options=ON_BOARD)
+
+
+def board_is_seldom_known(evidence: Evidence) -> Finding | None:
+    """Poses at whose time nothing says where the board is."""
+    worst = 0.0
+
+    def line(one: Recording) -> str:
+        nonlocal worst
+        lost = one.bad.get("frame", 0)
+        share = lost / max(lost + one.poses, 1)
+        if share < MANY or (share > 0.5 and AROUND not in one.why_bad["frame"]):
+            return ""
+        worst = max(worst, share)
+        return f"{lost} of {lost + one.poses} poses are left out: {one.why_bad['frame']}"
+
+    found = by_recording(evidence, line)
+    return Finding(Severity.FAULT if worst > 0.5 else Severity.WARNING, of_recordings(evidence, found)) if found else None
 
 
 def taken_as_on_board(evidence: Evidence) -> Finding | None:

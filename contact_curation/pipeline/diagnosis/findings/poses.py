@@ -30,7 +30,7 @@ def not_poses(evidence: Evidence) -> Finding | None:
         if not bad:
             return ""
         most = max(bad, key=lambda kind: bad[kind])
-        total = max(len(one.measured), 1)
+        total = max(len(one.measured), one.poses + sum(bad.values()))
         worst = max(worst, sum(bad.values()) / total)
         return f"{sum(bad.values())} of {total} poses are unusable, most for this: {one.why_bad[most]}"
 

@@ -4,6 +4,7 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.wording import counted
+from contact_curation.storage.bags.reader import AS_PARTS
 
 
 def unreadable(evidence: Evidence) -> Finding | None:
@@ -28,15 +29,29 @@ def without_a_message(evidence: Evidence) -> Finding | None:
     """Topics that were chosen, and hold nothing of the body."""
 
     def line(one: Recording) -> str:
-        if one.source is None or len(one.measured):
+        if one.source is None or len(one.measured) or one.poses:
             return ""
         seen = ", ".join(sorted(one.frames)) or "none"
         topic = one.source.body.name
         read = f"{one.counted.get(topic, 0)} messages of {topic}"
+        if one.why_bad or one.losses:
+            why = next(iter(one.why_bad.values()), "") or one.losses[0].removeprefix(f"{one.name}: ")
+            return f"none of {read} gives a pose of {one.source.body_frame}: {why}"
         return f"no pose of {one.source.body_frame} in {read}; frames there: {seen}"
 
     found = by_recording(evidence, line)
-    return Finding(Severity.FAULT, of_recordings(evidence, found), "name the body's frame with --body-frame") if found else None
+    if not found:
+        return None
+    explained = any(one.why_bad or one.losses for one in evidence.recordings if one.name in found)
+    return Finding(
+        Severity.FAULT, of_recordings(evidence, found), "" if explained else "name the body's frame with --body-frame"
+    )
+
+
+def overlapping(evidence: Evidence) -> Finding | None:
+    """A folder with several recordings of one topic at one time: their poses are mixed."""
+    found = by_recording(evidence, lambda one: next((line for line in one.losses if AS_PARTS in line), ""))
+    return Finding(Severity.FAULT, of_recordings(evidence, found)) if found and evidence.mostly_rejected else None
 
 
 def lost(evidence: Evidence) -> Finding | None:

@@ -24,6 +24,9 @@ SHARPEST = 0.75
 HARD = 20.0
 """Times the noise of `a_k`: of softer impacts the frames around them hold as much of it."""
 
+IMPACT, AROUND = 0.0135, 0.054
+"""[s] In which an impact of raw poses is over, two frames at least; what is looked at around it."""
+
 WHITEST = -0.4
 """Correlation of successive third differences in the air, from which on noise is filtered."""
 
@@ -118,21 +121,23 @@ def _in_short_runs(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _sharpness(found: Survey) -> Array:
-    """By throw, the share of its first impact in two frames."""
+    """By throw, the share of its first impact in two frames, or as long a time."""
     shares = []
     size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
     for throw in found.throws:
         series, hit = found.series[throw.flights[0].series], throw.flights[0].stop
-        first, last = hit - 6, hit + 14
+        frames = max(round(IMPACT / series.period), 2)
+        before, after = max(3 * frames // 2, 1), max(round(AROUND / series.period) - 3 * frames // 2, frames + 1)
+        first, last = hit - 3 * frames, hit + 7 * frames
         if first < 1 or last + 1 >= len(series) or series.steps[first - 1 : last + 1].max() > 1.5 * series.period:
             continue
         heights = series.positions[first - 1 : last + 1] @ found.up
         given = np.diff(heights, n=2) / series.period**2 + size
-        pairs = given[:-1] + given[1:]
-        at = int(np.argmax(pairs))
-        around = np.maximum(given[max(at - 3, 0) : at + 5], 0.0).sum()
-        if around > 0.0 and pairs[at] > HARD * np.sqrt(6.0) * found.noise / series.period**2:
-            shares.append(float(pairs[at] / around))
+        sums = np.convolve(given, np.ones(frames), mode="valid")
+        at = int(np.argmax(sums))
+        around = np.maximum(given[max(at - before, 0) : at + after], 0.0).sum()
+        if around > 0.0 and sums[at] > HARD * np.sqrt(6.0) * found.noise / series.period**2:
+            shares.append(float(sums[at] / around))
     return np.array(shares)
 
 

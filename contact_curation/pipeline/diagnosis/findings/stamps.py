@@ -46,7 +46,8 @@ def out_of_order(evidence: Evidence) -> Finding | None:
         nonlocal worst, late
         steps = np.diff(one.measured.stamps_ns)
         still, back = int((steps == 0).sum()), int((steps < 0).sum())
-        left_out = one.bad.get("stamp", 0)
+        again = int(((steps == 0) & ~np.any(np.diff(one.measured.positions, axis=0), axis=1)).sum())
+        left_out = one.bad.get("stamp", 0) - again
         if not left_out or not still + back:
             return ""
         worst = max(worst, left_out / len(steps))
@@ -67,6 +68,18 @@ def out_of_order(evidence: Evidence) -> Finding | None:
     if late:
         remedy = f"write it anew in the order of header stamps; up to {1e-9 * OVERTAKEN_NS:g} s is corrected"
     return Finding(Severity.FAULT if worst > MOST_DISORDER else Severity.WARNING, of_recordings(evidence, found), remedy)
+
+
+def published_twice(evidence: Evidence) -> Finding | None:
+    """Poses that come again with their stamps: each counts once."""
+
+    def line(one: Recording) -> str:
+        again = (np.diff(one.measured.stamps_ns) == 0) & ~np.any(np.diff(one.measured.positions, axis=0), axis=1)
+        share = float(again.mean()) if len(again) else 0.0
+        return f"{again.sum()} of {len(again) + 1} poses are there twice, and count once" if share > MOST_DISORDER else ""
+
+    found = by_recording(evidence, line)
+    return Finding(Severity.WARNING, of_recordings(evidence, found), "publish each once") if found else None
 
 
 def _even_in_order(stamps_ns: NDArray[np.int64]) -> bool:

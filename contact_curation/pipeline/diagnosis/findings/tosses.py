@@ -96,6 +96,8 @@ def few(evidence: Evidence) -> Finding | None:
     """Fewer tosses than say anything."""
     if not 0 < len(evidence.tosses) < FEW or evidence.mostly_rejected:
         return None
+    if not all(one.whole for one in evidence.recordings):
+        return None
     what = f"only {counted_tosses(len(evidence.tosses))}"
     return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer identify neither vertices nor friction")
 
