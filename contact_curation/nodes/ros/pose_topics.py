@@ -29,6 +29,9 @@ READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 LOOKS_FOR_A_TOPIC = 10
 """Number of looks at the graph for which a body that was heard on TF may still get a topic of its own."""
 
+MOST_CHILDREN = 64
+"""Largest number of frames that are remembered of a topic with poses of several bodies."""
+
 LOOKS_FOR_THE_RIG = 10
 """Number of looks at the graph for which poses wait for the rig's static transforms; a fast bag would be far ahead of them.
 
@@ -107,6 +110,7 @@ class PoseTopics:
         self._arrived = arrived
         self._subscriptions: dict[str, tuple[Offer, Subscription]] = {}
         self._heard: set[str] = set()
+        self._children: frozenset[str] = frozenset()
         self._frames = {body, config.body_frame_of(body)}
         self._tf_listener: Subscription | None = None
         self._looks_on_tf = 0
@@ -142,7 +146,7 @@ class PoseTopics:
             self._config = replace(self._config, topic=source.body.name)
         elif not self._subscriptions:  # after `leave`: the clock may have been set back meanwhile
             self._newest = self._past(self._newest)
-        self.source = source
+        self.source = source.of_children(self._children)
         rig = [one.name for one in self._rig if one.name in self.source.topics and one.name != self.source.body.name]
         self._follow_topics(rig)
         self._looks += 1
@@ -193,6 +197,8 @@ class PoseTopics:
         if self.source is None:
             return received.topic, received.published_ns, ()
         topic, published_ns, message = received
+        if topic == self.source.body.name and self.source.has_children and len(self._children) < MOST_CHILDREN:
+            self._children |= {frame_name(message.child_frame_id)}  # another set: `follow` runs on another thread
         measured = self.source.measured(topic, message, self._detections)
         if self.source.camera is not None and topic == self.source.camera.name:
             return self.source.body.name, self._newest_pose_ns, measured

@@ -3,7 +3,7 @@
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise, takewhile
+from itertools import islice, pairwise, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from contact_curation.motion.scales import scale_of
 from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
-from contact_curation.storage.inputs.pose_messages import Measured
+from contact_curation.storage.inputs.pose_messages import Measured, frame_name
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun, measured_runs
 from contact_curation.storage.inputs.pose_source import BODY_PREFIX, PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.inputs.recording_notes import (
@@ -35,6 +35,9 @@ from contact_curation.storage.provenance import TossProvenance
 MOTION = ", expected motions that fall freely (in metres, z up on the board) and come to rest"
 CHECK = "; `contact-curation check` says why"
 UNNUMBERED = RecordedNumbers()
+
+FIRST = 64
+"""Messages of a topic that are looked at for whose poses it has."""
 
 LONGEST_STEP = 0.5
 """[s] Poses further apart are not successive ones."""
@@ -82,10 +85,19 @@ def bag_tosses(
             raise
         why = str(error).removeprefix(f"{reader.path}: ")  # perhaps only since the bag is damaged
         raise UnreadableInputError(reader.path, "; ".join((*reader.losses, why))) from error
+    source = source.of_children(_children(reader, source))
     rules = with_recorded_rules(config.segmenter, reader.note(RULES_NOTE))
     origin = TossProvenance(str(reader.path), reader.sha256, source.body.name)
     numbers = recorded_numbers(reader.note(NUMBERS_NOTE))
     return BagTosses(origin, source, body, replace(config, segmenter=rules), numbers, placed)
+
+
+def _children(reader: BagReader, source: PoseSource) -> frozenset[str]:
+    """Whose poses the first messages of the body's topic have, if they say so."""
+    if not source.has_children:
+        return frozenset()
+    first = islice(reader.messages([source.body.name]), FIRST)
+    return frozenset(frame_name(one.message.child_frame_id) for one in first)
 
 
 def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Iterator[MeasuredMessage | MeasuredRun]:
@@ -284,6 +296,9 @@ class BagTosses:
         """Lines about poses of another body, a low rate, jitter, noise, each kind of poses left out, and a lack of tosses."""
         if self._of_another:
             yield f"found no topic named after {self._body}, expected one, or a name for it: took {self.source.body.name}"
+        if self.source.is_mixed:
+            listed = ", ".join(f"'{name}'" for name in sorted(self.source.children))
+            yield f"{self.source.body.name} has poses of {listed}, none of them {self._body}'s: name one with --body-frame"
         if self.taken_as_on_board:
             wanted = f"nothing in the recording leads to the board '{self.source.wanted_board}'"
             yield f"poses are given in frame '{self._parent}' and {wanted}: taken as given on it; if so, say --board-frame ''"

@@ -30,6 +30,10 @@ BODY_PREFIX = "body_"
 """Prefix of TagSLAM's topic names for bodies; its frames have the body's name alone."""
 
 
+WITH_CHILD = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/TransformStamped")
+"""Types whose messages say in `child_frame_id` whose pose they have."""
+
+
 class TypedTopic(NamedTuple):
     """A topic and its ROS 2 type name."""
 
@@ -108,6 +112,7 @@ class PoseSource:
         array_index: index of the body's pose in a PoseArray.
         camera: topic with the camera's CameraInfo, if the body's topic has tag detections.
         wanted_board: the configured frame of the board, even if nothing leads to it.
+        children: frames that messages of the body's topic are of (`child_frame_id`), if they are of several.
     """
 
     body: TypedTopic
@@ -118,6 +123,29 @@ class PoseSource:
     array_index: int = 0
     camera: TypedTopic | None = None
     wanted_board: str = ""
+    children: frozenset[str] = frozenset()
+
+    def of_children(self, children: frozenset[str]) -> "PoseSource":
+        """The same, where messages of the body's topic were seen to be of these frames."""
+        return replace(self, children=children) if len(children) > 1 else self
+
+    @property
+    def has_children(self) -> bool:
+        """Whether messages of the body's topic say whose poses they are, and its name does not."""
+        return self.body.type in WITH_CHILD and _last_part(self.body.name) not in self._own_names
+
+    @property
+    def is_mixed(self) -> bool:
+        """Whether the body's topic has poses of several frames, none of them the body's."""
+        return len(self.children) > 1 and not self.children & self._own_names
+
+    @property
+    def _own_names(self) -> frozenset[str]:
+        return frozenset((self.body_frame, self.body_frame.removeprefix(BODY_PREFIX)))
+
+    def _is_of_another(self, child: str) -> bool:
+        """Whether a message of the body's topic is of another body: then some are of this one."""
+        return bool(self.children & self._own_names) and frame_name(child) not in self._own_names
 
     @property
     def typed(self) -> tuple[TypedTopic, ...]:
@@ -146,6 +174,8 @@ class PoseSource:
             return tuple(one for each in transforms if (one := self._named(topic, each)) is not None)
         if self.board is not None and topic == self.board.name:
             return (measured_pose(self.board.type, message, self.board_frame),)
+        if self.children and self._is_of_another(message.child_frame_id):
+            return ()
         return (measured_pose(self.body.type, message, self.body_frame, self.array_index),)
 
     def type_of(self, topic: str) -> str:
@@ -165,7 +195,9 @@ class PoseSource:
         """
         parent = frame_name(parent)
         if topic not in self.transforms:
-            return parent, self.board_frame if self.board is not None and topic == self.board.name else self.body_frame
+            if self.board is not None and topic == self.board.name:
+                return parent, self.board_frame
+            return None if self.children and self._is_of_another(child) else (parent, self.body_frame)
         child = frame_name(child)
         known = self._known_frames
         renamed = known.get(parent, parent), known.get(child, child)

@@ -216,6 +216,18 @@ def test_poses_given_on_the_board_need_no_frames(tmp_path: Path, type_name: str)
     assert kinds(items) == ["Toss", "Toss"]
 
 
+@pytest.mark.parametrize("type_name", [ODOMETRY, TRANSFORM])
+def test_of_a_topic_with_several_bodies_the_body_s_own_poses_are_taken(tmp_path: Path, type_name: str) -> None:
+    places = [replace(one, child="wand") for one in ON_BOARD[::-1]]
+    wand = [replace(one, stamp_ns=other.stamp_ns + 2_000_000) for one, other in zip(places, ON_BOARD, strict=True)]
+    both = recorded("/poses", type_name, wand) + recorded("/poses", type_name, ON_BOARD)
+    bag = write_ours(tmp_path / "a.mcap", sorted(both, key=lambda one: one.log_time_ns))
+    items, _ = opened(bag)
+    assert kinds(items) == ["Toss", "Toss"]
+    items, _ = opened(bag, poses=PoseTopicConfig(body_frame="other"))
+    assert "/poses has poses of 'body_cube', 'wand', none of them cube's: name one with --body-frame" in "\n".join(lines(items))
+
+
 def test_poses_may_be_only_on_tf(tmp_path: Path) -> None:
     board = Sent("/tf_static", LOG_OFFSET_NS, transforms([board_in_map()]))
     items, (summary,) = opened(write_ours(tmp_path / "a.mcap", [board, *recorded("/tf", TF, IN_MAP)]))
