@@ -67,7 +67,7 @@ def release_states(count: int, rng: np.random.Generator, body: Body = CONTACTNET
 def motion_to_rest(release: Array, body: Body = CONTACTNETS_CUBE, geometry: ContactGeometry | None = None) -> Array:
     """States (T, 13) in SI units, from the frame of release to `FRAMES_AT_REST` frames after the last that moves."""
     scale = length_scales(body)
-    rolled = rollout(geometry or ContactGeometry.of_body(body), body, release[None] / scale, LONGEST, FRAME_PERIOD)
+    rolled = rollout(geometry or ContactGeometry.of_body(body).rigid(), body, release[None] / scale, LONGEST, FRAME_PERIOD)
     states = rolled.states * scale
     moving = np.flatnonzero((np.abs(states[:, 7:]) > STANDING_SPEED).any(axis=1))
     frames = int(moving[-1]) + 1 + FRAMES_AT_REST

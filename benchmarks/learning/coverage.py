@@ -78,7 +78,9 @@ class World:
             return thrown_toss(self.body, throw, ThrownTossConfig(world=self.contacts), 10 * number * NANOSECONDS)
         first = thrown_toss(self.body, throw, ThrownTossConfig(), 10 * number * NANOSECONDS)
         scales = np.array([self.body.length_scale] * 3 + [1.0] * 4 + [self.body.length_scale] * 3 + [1.0] * 3)
-        rolled = rollout(ContactGeometry.of_body(self.body), self.body, state[None] / scales, first.frames, first.frame_period)
+        rolled = rollout(
+            ContactGeometry.of_body(self.body).rigid(), self.body, state[None] / scales, first.frames, first.frame_period
+        )
         states = rolled.states * scales
         return replace(
             first,

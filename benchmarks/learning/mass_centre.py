@@ -14,7 +14,7 @@ square's tosses are found through CONTACTNETS_DATA and SQUARE_DATA.
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -124,17 +124,17 @@ def rows_of(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
     return rows
 
 
-def print_table(rows: Sequence[Row]) -> None:
+def print_table(rows: Sequence[Row], arms: tuple[str, str]) -> None:
     """Means by arm, and the difference with its 95 % interval over seeds and judging tosses."""
     rng = np.random.default_rng(0)
     for name in dict.fromkeys(row["body"] for row in rows):
         for size in dict.fromkeys(row["size"] for row in rows if row["body"] == name):
             own = [row for row in rows if (row["body"], row["size"]) == (name, size)]
             said = {-1: "as described", ALL: "fit to all"}.get(size, f"fit to {size}")
-            pairs = {arm: sorted((row for row in own if row["arm"] == arm), key=lambda row: row["seed"]) for arm in ARMS}
-            print(f"{name}, {said}, {len(pairs[ARMS[0]])} seeds")
+            pairs = {arm: sorted((row for row in own if row["arm"] == arm), key=lambda row: row["seed"]) for arm in arms}
+            print(f"{name}, {said}, {len(pairs[arms[0]])} seeds")
             for measure in MEASURES:
-                before, after = ([np.atleast_1d(row[measure]) for row in pairs[arm]] for arm in ARMS)
+                before, after = ([np.atleast_1d(row[measure]) for row in pairs[arm]] for arm in arms)
                 off = [np.asarray(two) - np.asarray(one) for one, two in zip(before, after, strict=True)]
                 means = [
                     np.mean(
@@ -147,11 +147,20 @@ def print_table(rows: Sequence[Row]) -> None:
                 print(f"  {measure:16} {first:8.3f} {second:8.3f} {second - first:+8.3f} ({low:+.3f} to {high:+.3f})")
 
 
-def main() -> int:
-    """Runs the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--bodies", nargs="+", default=["cube", "square"])
-    parser.add_argument("--sizes", nargs="+", type=int, default=[4, 8, 16, ALL])
+def compare(
+    make: Callable[[str, Sequence[int], int], list[Row]], arms: tuple[str, str], bodies: list[str], sizes: list[int]
+) -> int:
+    """Runs a comparison of two arms as the command line says: rows of a body, sizes and a seed, and the table of all.
+
+    Args:
+        make: the rows.
+        arms: what they compare.
+        bodies: by default.
+        sizes: of the fits by default.
+    """
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bodies", nargs="+", default=bodies)
+    parser.add_argument("--sizes", nargs="+", type=int, default=sizes)
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
@@ -162,15 +171,15 @@ def main() -> int:
         for name in arguments.bodies:
             if any((row["body"], row["seed"]) == (name, seed) for row in rows):
                 continue
-            made = rows_of(name, arguments.sizes, seed)
+            made = make(name, arguments.sizes, seed)
             if arguments.save is not None:
                 with arguments.save.open("a") as file:
                     file.writelines(json.dumps(row) + "\n" for row in made)
             print(f"{name}, seed {seed}", file=sys.stderr, flush=True)
             rows += made
-    print_table(rows)
+    print_table(rows, arms)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(compare(rows_of, ARMS, ["cube", "square"], [4, 8, 16, ALL]))

@@ -76,6 +76,12 @@ class Body:
         return self.inertia / self.length_scale**2
 
     @cached_property
+    def gyroscopic_inertia(self) -> Array | None:
+        """(3, 3) `scaled_inertia`; None where all moments are the same, as a cube's, and no spin precesses."""
+        inertia = self.scaled_inertia
+        return None if np.array_equal(inertia, inertia[0, 0] * np.eye(3)) else np.ascontiguousarray(inertia)
+
+    @cached_property
     def scaled_inverse_inertia(self) -> Array:
         """(3, 3) inverse of `scaled_inertia`, with the same digits on every machine: the kernel works with it."""
         inverse = _inverse(self.scaled_inertia)

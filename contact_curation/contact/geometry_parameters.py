@@ -82,6 +82,11 @@ class ContactGeometry:
         """Whether friction acts at other points than those that touch."""
         return not np.array_equal(self.vertices_normal, self.vertices_tangent)
 
+    @property
+    def is_rigid(self) -> bool:
+        """Whether it is a theta of the rigid form, whose spin precesses in the air as that of a rigid body (method.md 1.2)."""
+        return self.noise is not None
+
     def rigid(self) -> "ContactGeometry":
         """As a theta of the rigid form: with the usual noise of impacts where none was learned yet."""
         return self if self.noise else replace(self, noise=ImpulseNoise())

@@ -86,22 +86,25 @@ class CompiledDynamics(KernelStructure):
 
     _fields_ = (
         ("inverse_inertia", ctypes.c_void_p),
+        ("inertia", ctypes.c_void_p),
         ("inverse_mass", ctypes.c_double),
         ("gravity", ctypes.c_double),
         ("tolerance", ctypes.c_double),
         ("max_sweeps", ctypes.c_int64),
     )
 
-    def __init__(self, body: Body, limits: SweepLimits) -> None:
+    def __init__(self, body: Body, limits: SweepLimits, *, is_rigid: bool = False) -> None:
         inverse_inertia = np.ascontiguousarray(body.scaled_inverse_inertia)
+        inertia = body.gyroscopic_inertia if is_rigid else None
         super().__init__(
             inverse_inertia=inverse_inertia.ctypes.data,
+            inertia=None if inertia is None else inertia.ctypes.data,
             inverse_mass=1.0 / body.mass,
             gravity=body.scaled_gravity,
             tolerance=limits.tolerance,
             max_sweeps=limits.max_sweeps,
         )
-        self.owner = inverse_inertia  # ctypes holds bare addresses: keep the array alive
+        self.owner = (inverse_inertia, inertia)  # ctypes holds bare addresses: keep the array alive
 
 
 class CompiledWorld(KernelStructure):
@@ -121,7 +124,7 @@ class CompiledWorld(KernelStructure):
     )
 
     def __init__(self, geometry: ContactGeometry, body: Body, limits: SweepLimits) -> None:
-        dynamics = CompiledDynamics(body, limits)
+        dynamics = CompiledDynamics(body, limits, is_rigid=geometry.is_rigid)
         super().__init__(
             vertices=geometry.vertex_count,
             vertices_normal=geometry.vertices_normal.ctypes.data,

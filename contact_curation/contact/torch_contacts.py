@@ -57,7 +57,7 @@ class Frames(NamedTuple):
     Attributes:
         rotations, rotations_next: (B, 3, 3) body to board.
         positions, positions_next: (B, 3).
-        free_velocities: (B, 6) v_f = v - g dt e3.
+        free_velocities: (B, 6) v_f = v - g dt e3, and with the gyroscopic term where it is wanted.
         velocities_next: (B, 6) v'.
         dt: (B,) [s].
         inverse_mass: (B, 6, 6) M^-1, the same for all.
@@ -73,11 +73,23 @@ class Frames(NamedTuple):
     inverse_mass: Tensor
 
     @staticmethod
-    def of(body: Body, before: ArrayLike, after: ArrayLike, dt: ArrayLike, device: str | torch.device = "cpu") -> "Frames":
-        """From states (B, 13) and time steps (B,)."""
+    def of(
+        body: Body,
+        before: ArrayLike,
+        after: ArrayLike,
+        dt: ArrayLike,
+        device: str | torch.device = "cpu",
+        *,
+        precesses: bool = False,
+    ) -> "Frames":
+        """From states (B, 13) and time steps (B,); spins precess in models of the rigid form (`ContactGeometry.is_rigid`)."""
         first, second, periods = (np.asarray(given, dtype=float) for given in (before, after, dt))
         free = first[:, 7:].copy()
         free[:, 2] -= body.scaled_gravity * periods
+        if precesses and body.gyroscopic_inertia is not None:
+            spins = first[:, 10:]
+            torques = np.cross(spins, spins @ body.gyroscopic_inertia.T)
+            free[:, 3:] -= periods[:, np.newaxis] * (torques @ body.scaled_inverse_inertia.T)
         inverse_mass = np.zeros((len(first), 6, 6))
         inverse_mass[:, :3, :3] = np.eye(3) / body.mass
         inverse_mass[:, 3:, 3:] = body.scaled_inverse_inertia

@@ -247,7 +247,7 @@ class CandidateEvaluator:
     def described_refusals(self, states: Array) -> Refusals:
         """Why releases (K, 13) may not be thrown, by where they lead if the body is as described; theta is not asked."""
         body, config = self.particles[0].body, self.config.forecast
-        described = Particle(ContactGeometry.of_body(body), body, self.particles[0].loss)
+        described = Particle(ContactGeometry.of_body(body).rigid(), body, self.particles[0].loss)
         executed = self.noise.executions(states, self._draws).reshape(-1, 13)
         motions = predicted_motions(described, executed, config)
         return self.safety.of_motions(described, motions, config.executions, config)

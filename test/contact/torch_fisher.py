@@ -48,7 +48,7 @@ def fisher_sums_in_torch(
         if estimator is Estimator.EMPIRICAL:
             fishers[k] = scores.T @ scores
         else:
-            frames = Frames.of(body, before[rows], after[rows], dt[rows], device)
+            frames = Frames.of(body, before[rows], after[rows], dt[rows], device, precesses=geometry.is_rigid)
             each = profile_fishers(geometry, frames, found.impulses[rows], config)
             fishers[k] = np.einsum("n,npq->pq", influence**2, each)
     return FisherSums(fishers, score_sums, found.losses, found.residuals, found.status)

@@ -82,7 +82,7 @@ void evaluate(Source &source) {
   model.normal = normal.data(), model.tangents = tangents.data();
   for (double &value : model.pivot) value = source.number();
   model.height = source.number(), model.mass = weight(source), model.gravity = source.number();
-  for (int k = 0; k < 3; ++k) model.inverse_inertia[4 * k] = weight(source);
+  for (int k = 0; k < 3; ++k) model.inverse_inertia[4 * k] = weight(source), model.inertia[4 * k] = source.number();
   model.match_weight = weight(source), model.slack_weight = weight(source), model.regularization = weight(source);
   model.normal_weight = weight(source), model.tangent_weight = weight(source), model.cone_weight = weight(source);
   model.circular = source.byte() % 2;
@@ -151,7 +151,7 @@ void step(Source &source) {
   stepping::Dynamics dynamics{};
   double inverse_inertia[9] = {};
   for (int k = 0; k < 3; ++k) inverse_inertia[4 * k] = weight(source);
-  dynamics.inverse_inertia = inverse_inertia;
+  dynamics.inverse_inertia = dynamics.inertia = inverse_inertia;
   dynamics.inverse_mass = weight(source), dynamics.gravity = source.number();
   dynamics.tolerance = 1e-8, dynamics.max_sweeps = 4 * most_iterations(source);
   contact_given_step(&dynamics, count, contacts, dt.data(), gaps.data(), jacobians.data(), states.data(), impulses.data(),

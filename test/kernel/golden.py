@@ -44,6 +44,7 @@ NORMAL, TANGENTS = np.array([0.0, 0.0, 1.0]), 0.18 * np.eye(2, 3)
 WEIGHTS = dict(zip(KERNEL_WEIGHTS, (0.1, 1.0, 0.5, 0.25, 1.0, 1e-6), strict=True))
 MASS, GRAVITY = 0.37, 187.0
 INVERSE_INERTIA = np.array([[3.4, 0.2, -0.1], [0.2, 3.1, 0.3], [-0.1, 0.3, 2.9]])
+INERTIA = np.array([[0.296, -0.02, 0.012], [-0.02, 0.327, -0.035], [0.012, -0.035, 0.349]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +199,7 @@ class _Model:
             setattr(self.structure, name, number)
         self.structure.pivot[:] = (0.1, -0.2, 0.05)
         self.structure.inverse_inertia[:] = INVERSE_INERTIA.ravel().tolist()
+        self.structure.inertia[:] = INERTIA.ravel().tolist()
 
 
 class _Rows:
@@ -378,23 +380,24 @@ def _network_descents() -> Iterator[Call]:
             yield Call(f"descend {kind} {rectified}", f"contact_curation_descend_{kind}", INT64, arguments, arrays)
 
 
-def _dynamics() -> tuple[CompiledDynamics, AnyArray]:
-    inverse_inertia = INVERSE_INERTIA.copy()
+def _dynamics() -> tuple[CompiledDynamics, tuple[AnyArray, AnyArray]]:
+    inverse_inertia, inertia = INVERSE_INERTIA.copy(), INERTIA.copy()
     dynamics = CompiledDynamics.__new__(CompiledDynamics)
     dynamics.inverse_inertia, dynamics.inverse_mass, dynamics.gravity = inverse_inertia.ctypes.data, 1.0 / MASS, GRAVITY
+    dynamics.inertia = inertia.ctypes.data
     dynamics.tolerance, dynamics.max_sweeps = 1e-6, 400
-    return dynamics, inverse_inertia
+    return dynamics, (inverse_inertia, inertia)
 
 
 def _world(contacts: int) -> tuple[CompiledWorld, tuple[AnyArray, ...]]:
-    dynamics, inverse_inertia = _dynamics()
+    dynamics, inertias = _dynamics()
     arrays = (_vertices(contacts), NORMAL.copy(), 1.1 * _vertices(contacts), TANGENTS.copy(), np.array([0.1, -0.2, 0.05]))
     world = CompiledWorld.__new__(CompiledWorld)
     names = ("vertices_normal", "normal", "vertices_tangent", "tangents", "pivot")
     for name, value in zip(names, arrays, strict=True):
         setattr(world, name, value.ctypes.data)
     world.vertices, world.height, world.dynamics = contacts, -0.02, dynamics
-    return world, (*arrays, inverse_inertia)
+    return world, (*arrays, *inertias)
 
 
 def _steps() -> Iterator[Call]:
@@ -406,12 +409,12 @@ def _steps() -> Iterator[Call]:
     outputs: tuple[AnyArray, ...] = (np.zeros((count, contacts, 3)), np.zeros(count, np.int32), np.zeros(count))
     yield Call("time step", "contact_time_step", VOID, (world, count, periods, states.copy(), *outputs), arrays)
 
-    dynamics, inverse_inertia = _dynamics()
+    dynamics, inertias = _dynamics()
     gaps, jacobians = uniform("given gaps", count, 5, low=-0.02, high=0.2), uniform("given rows", count, 5, 3, 6)
     gaps[3, 2] = np.inf
     outputs = (uniform("guess", count, 5, 3, low=0.0, high=0.1), np.zeros(count, np.int32), np.zeros(count))
     arguments = dynamics, count, 5, periods, gaps, jacobians, states.copy(), *outputs
-    yield Call("given step", "contact_given_step", VOID, arguments, (inverse_inertia,))
+    yield Call("given step", "contact_given_step", VOID, arguments, inertias)
 
     for threads in (1, 3):
         lengths = np.array([60, 1, 90, 2, 40, 3, 60])

@@ -36,12 +36,14 @@ class CompiledModel(KernelStructure):
         ("height", ctypes.c_double),
         ("mass", ctypes.c_double),
         ("inverse_inertia", ctypes.c_double * 9),
+        ("inertia", ctypes.c_double * 9),
         ("gravity", ctypes.c_double),
         *((name, ctypes.c_double) for name in KERNEL_WEIGHTS),
         ("circular", ctypes.c_int),
     )
 
     def __init__(self, geometry: ContactGeometry, body: Body, config: LossConfig) -> None:
+        inertia = body.gyroscopic_inertia if geometry.is_rigid else None
         super().__init__(
             contacts=geometry.vertex_count,
             vertices_normal=geometry.vertices_normal.ctypes.data,
@@ -52,6 +54,7 @@ class CompiledModel(KernelStructure):
             height=geometry.height,
             mass=body.mass,
             inverse_inertia=(ctypes.c_double * 9)(*body.scaled_inverse_inertia.flat),
+            inertia=(ctypes.c_double * 9)(*([] if inertia is None else inertia.flat)),
             gravity=body.scaled_gravity,
             circular=int(config.cone is Cone.CIRCULAR),
             **kernel_weights(config.weights),

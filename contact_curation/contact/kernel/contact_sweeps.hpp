@@ -29,6 +29,7 @@ constexpr int kTwist = 8;       // v (3), omega (3), padded to a full vector reg
 // What moves, and how well to solve for it; contact/time_step.py fills the same fields in the same order.
 struct Dynamics {
   const double *inverse_inertia;  // (3, 3)
+  const double *inertia;          // (3, 3); null without the gyroscopic term
   double inverse_mass;
   double gravity;
   double tolerance;  // on the largest change of a contact's own velocity within a sweep
@@ -136,6 +137,11 @@ class ContactSweeps {
     std::array<double, kTwist> twist{};
     for (int k = 0; k < 6; ++k) twist[k] = state[7 + k];
     twist[2] -= dynamics_.gravity * dt;
+    if (dynamics_.inertia) {
+      double turning[3];
+      gyroscopic(dynamics_.inertia, dynamics_.inverse_inertia, state + 10, turning);
+      for (int k = 0; k < 3; ++k) twist[3 + k] -= dt * turning[k];
+    }
     const StepResult result = solve(twist.data(), impulses);
     move(state, twist.data(), dt);
     return result;

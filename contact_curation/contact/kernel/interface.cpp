@@ -57,11 +57,11 @@ std::string solver_structures() {
 
 std::string model_structure() {
   using Type = PolytopeModel;
-  return structure(
-      "PolytopeModel", sizeof(Type),
-      {FIELD(contacts), FIELD(vertices_normal), FIELD(normal), FIELD(vertices_tangent), FIELD(tangents), FIELD(pivot),
-       FIELD(height), FIELD(mass), FIELD(inverse_inertia), FIELD(gravity), FIELD(match_weight), FIELD(normal_weight),
-       FIELD(tangent_weight), FIELD(cone_weight), FIELD(slack_weight), FIELD(regularization), FIELD(circular)});
+  return structure("PolytopeModel", sizeof(Type),
+                   {FIELD(contacts), FIELD(vertices_normal), FIELD(normal), FIELD(vertices_tangent), FIELD(tangents),
+                    FIELD(pivot), FIELD(height), FIELD(mass), FIELD(inverse_inertia), FIELD(inertia), FIELD(gravity),
+                    FIELD(match_weight), FIELD(normal_weight), FIELD(tangent_weight), FIELD(cone_weight), FIELD(slack_weight),
+                    FIELD(regularization), FIELD(circular)});
 }
 
 std::string evaluation_structure() {
@@ -102,8 +102,9 @@ std::string descent_structure() {
 
 std::string dynamics_structure() {
   using Type = stepping::Dynamics;
-  return structure("Dynamics", sizeof(Type),
-                   {FIELD(inverse_inertia), FIELD(inverse_mass), FIELD(gravity), FIELD(tolerance), FIELD(max_sweeps)});
+  return structure(
+      "Dynamics", sizeof(Type),
+      {FIELD(inverse_inertia), FIELD(inertia), FIELD(inverse_mass), FIELD(gravity), FIELD(tolerance), FIELD(max_sweeps)});
 }
 
 std::string world_structure() {

@@ -23,6 +23,7 @@ struct PolytopeModel {
   double height;
   double mass;
   double inverse_inertia[9];
+  double inertia[9];  // zeros without the gyroscopic term
   double gravity;
   double match_weight, normal_weight, tangent_weight, cone_weight, slack_weight, regularization;
   int circular;
@@ -85,6 +86,11 @@ struct Transition {
     }
     for (int a = 0; a < 6; ++a) free_velocity[a] = state[7 + a], velocity_next[a] = next[7 + a];
     free_velocity[2] -= model.gravity * dt;
+    if (model.inertia[0] > 0.0) {
+      Lane turning[3];
+      gyroscopic(model.inertia, model.inverse_inertia, state + 10, turning);
+      for (int a = 0; a < 3; ++a) free_velocity[3 + a] -= dt * turning[a];
+    }
     Lane row[3];
     for (int a = 0; a < 3; ++a) row[a] = broadcast(model.normal[a]);
     rotate_back(rotation, row, normal_body);

@@ -74,6 +74,10 @@ class LaneSteps {
     rotation_matrix(state_ + 3, rotation_);
     for (int k = 0; k < 6; ++k) twist_[k] = state_[7 + k];
     twist_[2] -= world_.dynamics.gravity * dt_;
+    if (!world_.dynamics.inertia) return;
+    Lane turning[3];
+    gyroscopic(world_.dynamics.inertia, world_.dynamics.inverse_inertia, state_ + 10, turning);
+    for (int k = 0; k < 3; ++k) twist_[3 + k] -= dt_ * turning[k];
   }
 
   void build(int i, LaneContact &contact) const {

@@ -93,4 +93,17 @@ inline double whole_power(double base, std::int64_t exponent) {
   return power.high;
 }
 
+// I^-1 (w x I w): what a time step takes of the spin w (3) of a body without a torque, times dt (method.md 1.2).
+template <class Number>
+void gyroscopic(const double *inertia, const double *inverse, const Number *spin, Number *turning) {
+  Number momentum[3], torque[3];
+  for (int k = 0; k < 3; ++k)
+    momentum[k] = inertia[3 * k] * spin[0] + inertia[3 * k + 1] * spin[1] + inertia[3 * k + 2] * spin[2];
+  torque[0] = spin[1] * momentum[2] - spin[2] * momentum[1];
+  torque[1] = spin[2] * momentum[0] - spin[0] * momentum[2];
+  torque[2] = spin[0] * momentum[1] - spin[1] * momentum[0];
+  for (int k = 0; k < 3; ++k)
+    turning[k] = inverse[3 * k] * torque[0] + inverse[3 * k + 1] * torque[1] + inverse[3 * k + 2] * torque[2];
+}
+
 }  // namespace contact_curation

@@ -56,7 +56,7 @@ def by_our_rollouts(count: int) -> list[Toss]:
     scale, tosses = TRUTH.length_scale, list[Toss]()
     units = np.array([scale] * 3 + [1.0] * 4 + [scale] * 3 + [1.0] * 3)
     begun = np.stack(releases(count)) / units
-    states = rollout(ContactGeometry.of_body(TRUTH), TRUTH, begun, 100, PERIOD).states.reshape(count, 100, 13) * units
+    states = rollout(ContactGeometry.of_body(TRUTH).rigid(), TRUTH, begun, 100, PERIOD).states.reshape(count, 100, 13) * units
     stamps = np.rint(np.arange(100) * PERIOD * NANOSECONDS).astype(np.int64)
     for k, each in enumerate(states):
         columns = each[:, :3], each[:, 3:7], each[:, 7:10], each[:, 10:]
@@ -87,7 +87,7 @@ def test_ours_recovers_it_from_our_motions() -> None:
     shape = shape_errors(found.model)
     assert shape is not None
     off = 0.05 * found.model.geometry().vertices_normal - TRUTH.vertices
-    assert 1e3 * float(np.sqrt(np.square(off).sum(axis=1).mean())) < 0.5
+    assert 1e3 * float(np.sqrt(np.square(off).sum(axis=1).mean())) < 1.2
     assert shape.friction == pytest.approx(0.25, rel=0.03)
     assert {"shape_held", "friction_held"} < found.said().keys()
 

@@ -1,0 +1,41 @@
+"""What a spin that precesses in the air changes of predicted motions, of bodies whose moments of inertia differ.
+
+ContactNets' dynamics have no gyroscopic term, which vanishes for a cube. For each seed a third of the tosses judges
+(experiments/bodies.py); the body as described, and fits to n of the other tosses as `train` does, with the term and without.
+
+    python -m benchmarks.learning.precession [--bodies slab wedge irregular] [--sizes 8 16] [--seeds 10] [--save ROWS.jsonl]
+
+Rows that are in the file already are not made again.
+"""
+
+import sys
+from collections.abc import Sequence
+from unittest import mock
+
+import numpy as np
+
+from benchmarks.learning.mass_centre import Row, as_described, compare, errors_of, fitted
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.experiments.bodies import bench_of
+
+ARMS = ("without", "with")
+
+
+def rows_of(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
+    """Of a seed: the described body, and fits."""
+    bench = bench_of(name, seed)
+    order = np.random.default_rng([seed, 7]).permutation(len(bench.training))
+    rows: list[Row] = []
+    for size in [None, *sizes]:
+        tosses = [bench.training[place] for place in order[: size or None]]
+        for arm in ARMS:
+            precesses = ContactGeometry.is_rigid if arm == "with" else property(lambda _: False)
+            with mock.patch.object(ContactGeometry, "is_rigid", precesses):
+                model = as_described(bench.body) if size is None else fitted(bench, tosses, seed)
+                row = {"body": name, "size": -1 if size is None else size, "seed": seed, "arm": arm}
+                rows.append({**row, **errors_of(model, bench, np.zeros(3))})
+    return rows
+
+
+if __name__ == "__main__":
+    sys.exit(compare(rows_of, ARMS, ["slab", "wedge", "irregular"], [8, 16]))
