@@ -3,9 +3,9 @@
     v' = v - g dt e3 + M^-1 J^T lambda,    0 <= lambda_n _|_ J_n v' + phi / dt >= 0,    ||lambda_t|| <= lambda_n (Coulomb)
     x' = x + dt v',    q' = q * exp(dt omega')
 
-As in the loss there is no gyroscopic term. Lengths are characteristic lengths, states are rows of 13: x (3), q wxyz (4), v in
-the board's frame (3), omega in the body's (3). Impulses are rows [normal, tangent 1, tangent 2]; the friction coefficient is in
-the tangents T, so that ||lambda_t|| <= lambda_n.
+Lengths are characteristic lengths, states are rows of 13: x (3), q wxyz (4), v in the board's frame (3), omega in the body's
+(3). Impulses are rows [normal, tangent 1, tangent 2]; the friction coefficient is in the tangents T, so that ||lambda_t|| <=
+lambda_n. The spin of a rigid theta precesses, too (`ContactGeometry.is_rigid`): omega' has - dt I^-1 (omega x I omega).
 
 Impacts bounce where theta has a restitution e: a contact that comes with J_n v < 0 and would close within the step parts with
 J_n v' >= max(-phi / dt, -e J_n v), Newton's law.

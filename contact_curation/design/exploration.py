@@ -1,8 +1,8 @@
 """Exploration throws, before theta passes the readiness check: different first impacts, by flight and shape (method.md 2.4).
 
-The information of a toss depends on how the body first meets the board. Up to the first touch its motion is a ballistic
-flight with a constant spin (as in the model, without a gyroscopic term), whatever theta is; how it then stands and moves,
-seen from the body, is the feature: the direction of down, and the velocity of the body's centre. Throws are spread over
+The information of a toss depends on how the body first meets the board. Up to the first touch its motion is taken for a
+ballistic flight with a constant spin, whatever theta is; how it then stands and moves, seen from the body, is the feature: the
+direction of down, and the velocity of the body's centre. Throws are spread over
 these features as k-means++ spreads its seeds (Arthur and Vassilvitskii 2007), but always to the farthest: the next is the
 one farthest from all before it.
 """

@@ -7,8 +7,7 @@
 //
 // solved for lambda by projected Gauss-Seidel over the contacts with a true disk: normal before tangent, each exactly.
 // Whoever knows gaps phi and Jacobians J fills them in: the polytope (time_step.hpp), or any other model (given_contacts.cpp).
-// No contact is dropped: far ones cost one dot product a sweep. As in the loss, there is no gyroscopic term (it vanishes for
-// a cube).
+// No contact is dropped: far ones cost one dot product a sweep. The spin precesses where an inertia is given.
 #pragma once
 
 #include <algorithm>
