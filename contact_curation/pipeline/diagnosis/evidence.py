@@ -7,11 +7,13 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_of, softness_in_words
 from contact_curation.motion.pose_noise import MOST, RIG_NOISE
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.falls import Survey, survey
+from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
 from contact_curation.motion.survey.series import PoseSeries
@@ -183,6 +185,14 @@ class Evidence:
             return None
         found = self.mass_centre.seen_from_described(self.rig.rig)
         return found if found.is_elsewhere and found.distance > WORTH_MOVE * size_of(self.body.vertices) else None
+
+    @cached_property
+    def inertia(self) -> InertiaShape | None:
+        """How moments and products of inertia are in relation, by free flights, in the described axes; needs `rig`."""
+        found = inertia_shape(self.survey)
+        if found is None or self.rig is None:
+            return None
+        return found.turned(quaternions.to_matrix(quaternions.exp(np.array(self.rig.rig.marker_turn))))
 
     @property
     def center(self) -> Array | None:

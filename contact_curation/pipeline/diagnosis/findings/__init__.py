@@ -57,6 +57,7 @@ FINDINGS: tuple[Find, ...] = (
     rig.height,
     rig.marker,
     rig.mass_centre,
+    rig.inertia,
     tosses.never_at_rest,
     tosses.rejected,
     tosses.none_found,

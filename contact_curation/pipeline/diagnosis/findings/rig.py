@@ -3,6 +3,7 @@
 import numpy as np
 
 from contact_curation.motion.scales import size_of
+from contact_curation.motion.survey.inertia import shape_of
 from contact_curation.motion.survey.rig import RigEstimate, worth_correcting
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
@@ -17,6 +18,9 @@ WORTH_TILT, WORTH_HEIGHT, WORTH_SCALE = 0.2, 0.0008, 0.008
 
 LARGEST_MOVE = 0.2
 """Of a body's size: by so much more is its centre of mass away from where it is described in a fault."""
+
+WORTH_INERTIA = 0.05
+"""Of the mean moment of inertia: likewise."""
 
 MEND = "measure the rig again, or correct poses by settings"
 
@@ -83,6 +87,24 @@ def mass_centre(evidence: Evidence) -> Finding | None:
     word = center_of_mass_option(place)
     severity = Severity.FAULT if centre.distance > LARGEST_MOVE * size_of(body.vertices) else Severity.WARNING
     return Finding(severity, what, f"add {word}, or correct the --body file", options=(word,))
+
+
+def inertia(evidence: Evidence) -> Finding | None:
+    """Bodies whose spin changes in the air otherwise than the described moments of inertia make it."""
+    rig, found, body = _rig(evidence), evidence.inertia, evidence.body
+    if rig is None or found is None or not found.differs_from(body.inertia):
+        return None
+    if np.abs(found.values - shape_of(body.inertia)).max() < WORTH_INERTIA:
+        return None
+    seen, described = (" : ".join(f"{value:.2f}" for value in shape[:3]) for shape in (found.values, shape_of(body.inertia)))
+    what = (
+        f"bodies in the air turn as with moments of inertia (xx : yy : zz) of {seen}, described {described} "
+        f"(by {found.flights} flights)"
+    )
+    matrix = found.matrix * np.trace(body.inertia) / 3.0
+    rows = [matrix.diagonal()] if np.abs(found.values[3:]).max() < WORTH_INERTIA else list(matrix)
+    told = ", ".join("[" + ", ".join(f"{value:.3g}" for value in row) + "]" for row in rows)
+    return Finding(Severity.WARNING, what, f"correct the --body file, inertia: {told if len(rows) == 1 else f'[{told}]'}")
 
 
 def _rig(evidence: Evidence) -> RigEstimate | None:
