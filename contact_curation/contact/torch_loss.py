@@ -102,6 +102,8 @@ def polytope_losses(
     dt: Array,
     config: LossConfig = DEFAULT_LOSS,
     restitution: Tensor | None = None,
+    *,
+    precesses: bool = False,
 ) -> tuple[Tensor, Tensor]:
     """The loss of B transitions of a polytope, differentiable by theta through the scores of `evaluate`.
 
@@ -112,11 +114,12 @@ def polytope_losses(
         dt: (B,) frame periods [s].
         config: weights and solver.
         restitution: () of a body that bounces.
+        precesses: whether it is a theta of the rigid form.
 
     Returns:
         As `contact_losses`.
     """
-    losses, solved = _PolytopeLoss.apply(*theta, restitution, body, before, after, dt, config)
+    losses, solved = _PolytopeLoss.apply(*theta, restitution, body, before, after, dt, config, precesses)
     return losses, solved
 
 
@@ -202,9 +205,10 @@ class _PolytopeLoss(torch.autograd.Function):
         after: Array,
         dt: Array,
         config: LossConfig,
+        precesses: bool,
     ) -> tuple[Tensor, Tensor]:
         theta = Theta(vertices_normal, normal, vertices_tangent, tangents, height, pivot)
-        geometry = theta.geometry()
+        geometry = theta.geometry().rigid() if precesses else theta.geometry()
         if restitution is not None:
             geometry = replace(geometry, restitution=min(max(float(restitution.detach()), 0.0), 1.0))
         found = evaluate(geometry, body, before, after, dt, config)
@@ -229,7 +233,7 @@ class _PolytopeLoss(torch.autograd.Function):
             slope[-1:].reshape(()),
         )
         last = None if by_restitution is None else torch.from_numpy(by_restitution).to(weight)
-        return (*(torch.from_numpy(piece).to(weight) for piece in pieces), None, last, *[None] * 5)
+        return (*(torch.from_numpy(piece).to(weight) for piece in pieces), None, last, *[None] * 6)
 
 
 def _refuse_second_derivative() -> None:

@@ -232,8 +232,13 @@ class ContactModel(Model):
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
         return over_finite_rows(rows, partial(self._batch_loss, config=config))
 
+    @property
+    def precesses(self) -> bool:
+        """Whether its spins precess in the air (method.md 1.2), as the published ones do not."""
+        return False
+
     def outputs(self, rows: Rows, tape: list[LayerTrace] | None = None) -> tuple[Tensor, ...]:
-        return self.contacts(Frames.of(self.body, *rows, self.device), tape)
+        return self.contacts(Frames.of(self.body, *rows, self.device, precesses=self.precesses), tape)
 
     def solve(self, outputs: tuple[Tensor, ...], frames: Frames, config: LossConfig) -> ConeSolutions | None:
         return solve_contacts(Contacts(*outputs), frames, config)
@@ -249,7 +254,7 @@ class ContactModel(Model):
             yield steps
 
     def _batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
-        frames = Frames.of(self.body, *rows)
+        frames = Frames.of(self.body, *rows, precesses=self.precesses)
         contacts = self.contacts(frames)
         losses, solved = contact_losses(contacts, frames, config)
         return BatchLoss(losses, solved, self.regularizer(contacts.jacobians[solved]))

@@ -61,6 +61,10 @@ class PolytopeModel(ContactModel):
 
     kind = "polytope"
 
+    @property
+    def precesses(self) -> bool:
+        return self.form is Form.RIGID
+
     def __init__(self, geometry: ContactGeometry, body: Body, form: Form) -> None:
         super().__init__(body)
         parameter_form(geometry, form)  # refuses what has no such form
@@ -143,7 +147,7 @@ class PolytopeModel(ContactModel):
 
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
         theta = self.theta()
-        losses, solved = polytope_losses(theta, self.body, *rows, config, self._restitution)
+        losses, solved = polytope_losses(theta, self.body, *rows, config, self._restitution, precesses=self.precesses)
         return BatchLoss(losses, solved, self._regularizer(theta))
 
     def contacts(self, frames: Frames, tape: list[LayerTrace] | None = None) -> Contacts:
