@@ -23,6 +23,10 @@ STILL_NOISE = 8.0
 """A body at rest may move by so many standard deviations of a position."""
 
 
+SHORTEST = 0.3
+"""[s] No toss need be longer: a large body falls from no higher than a cube of 105 mm, and its bounds are for that one."""
+
+
 @dataclass(frozen=True)
 class SegmenterConfig:
     """When a toss starts and ends, and which motions are not tosses.
@@ -45,7 +49,7 @@ class SegmenterConfig:
         flat_tolerance: largest height over the lowest vertex of the three vertices on which a body lies flat [m]; by default
             0.055 reach [0.005].
         rest_height: largest height of the body's origin at rest [m]; inf for no bound.
-        shortest: shortest duration of a toss [s]; by default 4.1 sqrt(size / g) [0.3].
+        shortest: shortest duration of a toss [s]; by default 4.1 sqrt(size / g), at most 0.3.
         lowest_corner: largest distance from the board to the lowest vertex of a whole toss [m]; by default 0.134 size
             [0.007].
         airborne_clearance: height over which all vertices of a body in the air are, in all frames that an acceleration comes
@@ -125,7 +129,7 @@ class SegmenterConfig:
             rest_displacement=displacement,
             rest_travel=max(self.rest_frames * quiet, displacement),
             flat_tolerance=self.flat_tolerance or max(0.005 / 0.09075946 * body.reach, vertex),
-            shortest=self.shortest or 4.1047822 * body.time,
+            shortest=self.shortest or min(4.1047822 * body.time, SHORTEST),
             lowest_corner=self.lowest_corner or max(0.007 / 0.0524 * body.size, vertex),
             airborne_clearance=self.airborne_clearance or max(0.010 / 0.0524 * body.size, vertex),
             airborne_acceleration=self.airborne_acceleration or 0.5 * gravity,
