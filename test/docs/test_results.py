@@ -403,9 +403,9 @@ def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> Non
                 like = np.interp(-mean["representative", size], -errors, np.log2(sizes), right=6.0)
                 values.append(float(2.0**like))
     assert np.median(worth[4]) == pytest.approx(13.0, abs=0.5)
-    assert np.median(worth[8]) > 26.0
+    assert np.median(worth[8]) > 31.0
     assert min(worth[4]) > 8.5
-    assert sum(value > 32.0 for value in worth[4]) == 1
+    assert 26.0 < max(worth[4]) < 27.0
     assert min(worth[8]) > 9.5
 
 
