@@ -105,7 +105,8 @@ def _tracked(toss: Toss, rng: np.random.Generator, noise: float) -> Toss:
     )
 
 
-def _contacts(milliseconds: float, damping_ratio: float) -> WorldConfig:
+def contacts(milliseconds: float, damping_ratio: float) -> WorldConfig:
+    """Of so long a time constant."""
     seconds = 0.001 * milliseconds
     return WorldConfig(min(0.001, 0.1 * damping_ratio * seconds), seconds, damping_ratio)
 
@@ -115,11 +116,11 @@ STONE = uniform("stone", [IRREGULAR], 900.0, 0.2).body
 
 WORLDS = {
     "rigid_cube": World(CONTACTNETS_CUBE, None),
-    "cube_2ms": World(CONTACTNETS_CUBE, _contacts(2.0, 1.0)),
-    "cube_8ms_bouncing": World(CONTACTNETS_CUBE, _contacts(8.0, 0.4)),
-    "slab_4ms": World(SLAB, _contacts(4.0, 1.0)),
-    "slab_2ms_bouncing": World(SLAB, _contacts(2.0, 0.2)),
-    "stone_4ms_bouncing": World(STONE, _contacts(4.0, 0.4)),
+    "cube_2ms": World(CONTACTNETS_CUBE, contacts(2.0, 1.0)),
+    "cube_8ms_bouncing": World(CONTACTNETS_CUBE, contacts(8.0, 0.4)),
+    "slab_4ms": World(SLAB, contacts(4.0, 1.0)),
+    "slab_2ms_bouncing": World(SLAB, contacts(2.0, 0.2)),
+    "stone_4ms_bouncing": World(STONE, contacts(4.0, 0.4)),
 }
 
 

@@ -1,9 +1,10 @@
 """How often `check` says of random bodies that they bounce, by their restitution.
 
 Bodies are those of `benchmarks.learning.starts`, many of whose corners rise by themselves when the next one lands, and slender
-boxes. They are thrown in our own simulation and tracked with the real rig's noise; the body as described is the true one. Last
+boxes. They are thrown in our own simulation and tracked with the real rig's noise; the body as described is the true one. Then
 come the lines of the experiments' bodies, and how far the corners of those go below where they rest that MuJoCo throws with
-contacts of several time constants.
+contacts of several time constants. Last come frictions that models learn from 16 random tosses in MuJoCo, and in how many of
+the frames that move on the board contacts use them up.
 
     python -m benchmarks.learning.misfit_words [--bodies 20] [--tosses 16] [--restitutions 0 0.1 0.2 0.3] [--draws 1]
 """
@@ -15,22 +16,30 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.learning.coverage import SLAB, STONE, World, contacts, fitted
 from benchmarks.learning.starts import DENSITY, FRICTION, body_of
-from contact_curation.contact.body import Body
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.throw import throw_of_state
 from contact_curation.experiments.bodies import BODIES, bench_of
 from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.solids.mass_properties import of_hull
-from contact_curation.learning.evaluation.misfit import bounce_in_words, impact_depth, softness_in_words
+from contact_curation.learning.evaluation.misfit import (
+    bounce_in_words,
+    impact_depth,
+    sliding_share,
+    softness_in_words,
+    sticking_in_words,
+)
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
+from contact_curation.motion.transitions import states_of, transitions_of
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
 from contact_curation.simulation.world import WorldConfig
 from test.simulated import RIG_NOISE, simulated_tosses
 
 IN_MUJOCO, MANY, SOME = ("slab", "wedge", "irregular"), 60, 20
 RECORDED, TIMES = ("cube", "square"), (6, 12, 20)
+FRICTIONS, FITTED, DRAWS = (0.05, 0.18, 0.3, 0.45, 0.6, 0.9), 16, 3
 
 
 def slender(number: int) -> Body:
@@ -47,6 +56,16 @@ def softer(body: Body, tosses: Sequence[Toss], milliseconds: int) -> list[Toss]:
     config = ThrownTossConfig(world=WorldConfig(contact_time=0.001 * milliseconds))
     starts = [throw_of_state(toss.source, body.name, states_of(toss, 1.0)[0]) for toss in tosses]
     return [thrown_toss(body, start, config) for start in starts]
+
+
+def rubbed(body: Body, tosses: Sequence[Toss], seed: int) -> str:
+    """What is learned of their friction, and what is said of it."""
+    data = transitions_of(tosses, body.length_scale)
+    geometry = fitted(body, data, seed, bounces=False).geometry()
+    share = sliding_share(data, geometry, body)
+    learned = float(np.linalg.norm(geometry.tangents[0]))
+    said = "said" if sticking_in_words(data, geometry, body) else "not said"
+    return f"{learned:.3f} learned, {100.0 * (share or 0.0):.0f} % of frames slide, {said}"
 
 
 def main() -> int:
@@ -81,6 +100,13 @@ def main() -> int:
         recorded = bench.training + bench.held_out
         depth = impact_depth(recorded, bench.body) / bench.body.length_scale
         print(f"{name}: {depth:.3f} lengths deep; {softness_in_words(recorded, bench.body)}")
+        for draw in range(DRAWS):
+            some = np.random.default_rng(draw).choice(len(bench.training), FITTED, replace=False).tolist()
+            print(f"{name}: {rubbed(bench.body, [bench.training[place] for place in some], draw)}", flush=True)
+    for body in (CONTACTNETS_CUBE, SLAB, STONE):
+        for friction in FRICTIONS:
+            tosses = World(replace(body, friction=friction), contacts(2.0, 1.0)).tosses(FITTED, DRAWS)
+            print(f"{body.name}, friction {friction:.2f}: {rubbed(body, tosses, DRAWS)}", flush=True)
     return 0
 
 

@@ -298,8 +298,8 @@ def train(
             bar.advance(1, running.advance())
     running.check()
     bounce = running.bounce()
-    bounces = (bounce.in_words("restitution=True"),) if bounce and bounce.missing else ()
-    return replace(running.model(), warnings=(*found.warnings, *bounces))
+    missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
+    return replace(running.model(), warnings=(*found.warnings, *filter(None, (missing,))))
 
 
 @says_what_to_install

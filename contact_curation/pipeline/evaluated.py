@@ -14,13 +14,14 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, Spread
 from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
-from contact_curation.learning.evaluation.misfit import sliding_in_words, sliding_of
+from contact_curation.learning.evaluation.misfit import sliding_in_words, sliding_of, sticking_in_words
 from contact_curation.learning.evaluation.without_model import doubt, plain_errors
 from contact_curation.learning.uncertainty.bounce import Bounce
 from contact_curation.learning.uncertainty.more_throws import MoreThrows
 from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
 from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import LearnedModel
 from contact_curation.pipeline.wording import counted, counted_tosses
 
@@ -117,6 +118,15 @@ class Evaluation:
         learned = rows.get("friction")
         return "" if learned is None else sliding_in_words(self.sliding, learned.value, learned.interval)
 
+    @cached_property
+    def sticking_misfit(self) -> str:
+        """What contacts that seldom slide say against it; empty for nothing, or where it lacks a bounce."""
+        if not self.models[0].at_optimum or (self.bounce and self.bounce.missing):
+            return ""
+        model = self.models[0].model
+        data = transitions_of((*self.tosses.fitted, *self.tosses.judged_by), model.body.length_scale)
+        return sticking_in_words(data, model.geometry(), model.body)
+
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""
         return {
@@ -133,6 +143,7 @@ class Evaluation:
             "bounce": self.bounce._asdict() if self.bounce else None,
             "more_throws": self.more_throws._asdict() if self.more_throws else None,
             "sliding": self.sliding and {"friction": self.sliding.median, "tosses": len(self.sliding.friction)},
+            "friction_hardly_used_up": self.sticking_misfit,
             "without_a_model": {
                 name: errors._asdict() for name, errors in plain_errors(self.evaluations[0], self.models[0].body).items()
             },
@@ -182,8 +193,8 @@ def _lines(report: Evaluation) -> Iterator[str]:
         if doubt(report.evaluations[0], report.models[0].body):
             yield "careful: these are deviations of a model that does not describe the motions; they say nothing of the body"
         yield from _known(report.known, at_optimum=report.models[0].at_optimum)
-        if report.sliding_misfit:
-            yield f"careful: {report.sliding_misfit}"
+        for line in filter(None, (report.sliding_misfit, report.sticking_misfit)):
+            yield f"careful: {line}"
     else:
         yield report.why_not
     if report.more_throws:

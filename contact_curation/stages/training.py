@@ -163,7 +163,8 @@ class TrainingStage:
         if self._training is None:
             return ()
         tosses, model = [one.toss for one in self._tosses.get(self._round.toss_ids)], self._training.model
-        return misfits(tosses, model.body, bounces=self._config.restitution)
+        at_optimum = self._config.exact and self._training.progress.state is TrainingState.CONVERGED
+        return misfits(tosses, model.body, model.geometry() if at_optimum else None, bounces=self._config.restitution)
 
     @property
     def missing(self) -> tuple[str, ...]:

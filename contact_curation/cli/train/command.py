@@ -186,6 +186,7 @@ def run(arguments: argparse.Namespace) -> int:
     report = TrainReport(
         run=running,
         bounce=running.bounce(),
+        sticking=running.sticking(),
         more_throws=running.more_throws(),
         tosses=tosses,
         seconds=time.monotonic() - began,

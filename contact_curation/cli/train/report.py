@@ -23,6 +23,7 @@ class TrainReport:
     Attributes:
         run: the training and its end.
         bounce: restitution of the tosses that the model lacks, or would lack; None where it has one, or none is known.
+        sticking: what contacts that seldom slide say against the friction; empty for nothing.
         more_throws: how far as many throws again would change predicted motions; None where that is not known.
         tosses: tosses that it learned from.
         seconds: duration of this run [s].
@@ -33,12 +34,18 @@ class TrainReport:
 
     run: TrainingRun
     bounce: Bounce | None
+    sticking: str
     more_throws: MoreThrows | None
     tosses: LearningTosses
     seconds: float
     checkpoint: Path
     metrics: Path
     next_command: str
+
+    @property
+    def misfit(self) -> str:
+        """What the model lacks; a friction without a bounce is wrong for that reason."""
+        return self.bounce.in_words() if self.bounce and self.bounce.missing else self.sticking
 
 
 def json_report(report: TrainReport) -> dict[str, Any]:
@@ -56,6 +63,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "duplicates": [list(duplicate) for duplicate in report.tosses.duplicates],
         "rejected": dict(report.tosses.rejected),
         "bounce": report.bounce._asdict() if report.bounce else None,
+        "friction_hardly_used_up": report.sticking,
         "more_throws": report.more_throws._asdict() if report.more_throws else None,
         "selections": [document_of(one) for one in report.run.curated.selections],
         "seconds": report.seconds,
@@ -82,8 +90,8 @@ def print_report(report: TrainReport) -> None:
     print(f"training loss {progress.training_loss:.4g}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
-    if report.bounce and report.bounce.missing:
-        print(f"careful: {report.bounce.in_words()}")
+    if report.misfit:
+        print(f"careful: {report.misfit}")
     _print_selections(report.run.curated.selections)
     if report.more_throws:
         print(report.more_throws.in_words())

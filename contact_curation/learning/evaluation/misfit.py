@@ -8,12 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.rollout import rollout
 from contact_curation.learning.evaluation.rebounds import rebounds
 from contact_curation.motion.survey.sliding import Sliding, sliding
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
+from contact_curation.motion.transitions import Transitions, states_of, transitions_of
 
 FEWEST = 8
 """Tosses, for a line about all of them."""
@@ -36,6 +37,16 @@ NORMAL_95 = 1.96
 
 VARYING = 0.1
 """Standard deviation of frictions over tosses, relative to their median: the real cube's is 0.05."""
+
+SLIDING = 0.6
+"""Share of the frames in which a body moves on the board whose contacts use up their friction. Where it is less, a fit learns a
+friction that is at least a fifth too low (`benchmarks.learning.misfit_words`)."""
+
+USED_UP = 0.9
+"""Share of its friction that a sliding contact uses at least; the tracker's noise turns the rest."""
+
+LOADED, MOVING = 0.3, 0.05
+"""A body moves on the board where the contacts carry so much of its weight, and a corner may be faster than this [m/s]."""
 
 
 def bounce_in_words(tosses: Sequence[Toss], body: Body) -> str:
@@ -109,14 +120,53 @@ def sliding_in_words(found: Sliding | None, friction: float, interval: float) ->
     )
 
 
-def misfits(tosses: Sequence[Toss], body: Body, *, bounces: bool) -> tuple[str, ...]:
-    """What a model of some tosses lacks, one line each.
+def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body: Body) -> str:
+    """How seldom contacts slide, if so seldom that the learned friction is too low; else empty.
+
+    Args:
+        data: that it was learned from.
+        geometry: learned, to the optimum; None otherwise, and for a network.
+        body: that moves.
+    """
+    if geometry is None or len(data.toss_ids) < FEWEST:
+        return ""
+    share = sliding_share(data, geometry, body)
+    if share is None or share >= SLIDING:
+        return ""
+    friction = float(np.linalg.norm(geometry.tangents[0]))
+    return (
+        f"friction hardly used up: contacts slide in {100.0 * share:.0f} % of the frames that move on the board (expected "
+        f"{100.0 * SLIDING:.0f} % at least), so the friction is higher than the {friction:.2f} that is learned"
+    )
+
+
+def sliding_share(data: Transitions, geometry: ContactGeometry, body: Body) -> float | None:
+    """Share of the frames moving on the board whose contacts use up their friction; None without such frames."""
+    impulses = evaluate(geometry, body, data.before, data.after, data.dt).impulses
+    normal = impulses[:, :, 0].sum(axis=1)
+    tangential = np.linalg.norm(impulses[:, :, 1:], axis=2).sum(axis=1)
+    radius = float(np.linalg.norm(body.vertices, axis=1).max())
+    speeds = np.hypot(
+        body.length_scale * np.linalg.norm(data.before[:, 7:9], axis=1), radius * np.linalg.norm(data.before[:, 10:], axis=1)
+    )
+    moving = (normal > LOADED * body.mass * body.scaled_gravity * data.dt) & (speeds > MOVING)
+    return float(np.mean(tangential[moving] > USED_UP * normal[moving])) if moving.any() else None
+
+
+def misfits(tosses: Sequence[Toss], body: Body, geometry: ContactGeometry | None, *, bounces: bool) -> tuple[str, ...]:
+    """What a model of some tosses lacks, one line each. Where it lacks a bounce, its friction is wrong for that reason.
 
     Args:
         tosses: that it is learned from.
         body: as described.
+        geometry: learned, to the optimum; None otherwise, and for a network.
         bounces: whether the model has a restitution.
     """
     bounce = "" if bounces else bounce_in_words(tosses, body)
-    lines = (bounce, softness_in_words(tosses, body), variation_in_words(sliding_of(tosses, body)))
+    lines = (
+        bounce,
+        softness_in_words(tosses, body),
+        variation_in_words(sliding_of(tosses, body)),
+        "" if bounce else sticking_in_words(transitions_of(tosses, body.length_scale), geometry, body),
+    )
     return tuple(line for line in lines if line)

@@ -13,9 +13,16 @@ from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
-from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_in_words, sliding_of
+from contact_curation.learning.evaluation.misfit import (
+    bounce_in_words,
+    sliding_in_words,
+    sliding_of,
+    sliding_share,
+    sticking_in_words,
+)
 from contact_curation.motion.survey.sliding import sliding
 from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
 from contact_curation.pipeline.diagnosis.findings.contact import bounces, friction, friction_varies, gives_way
@@ -111,6 +118,23 @@ def test_a_learned_friction_that_no_slide_bears_out_is_said_to_be_one() -> None:
     assert sliding_in_words(found, 0.182, 0.01) == ""
     assert sliding_in_words(None, 0.5, 0.01) == ""
     assert sliding_in_words(found, 0.25, 0.01).startswith("bodies that slide slow down by a friction of 0.18")
+
+
+def test_a_friction_that_is_hardly_used_up_is_said_to_be_higher() -> None:
+    described = ContactGeometry.of_body(CUBE).rigid()
+    rough, learned = (replace(described, tangents=friction * np.eye(2, 3)) for friction in (0.9, 0.55))
+    tosses = simulated_tosses(8, 5, geometry=rough)
+    data = transitions_of(tosses, CUBE.length_scale)
+    share = sliding_share(data, learned, CUBE)
+    assert share is not None
+    assert share < 0.5
+    assert sticking_in_words(data, learned, CUBE) == (
+        f"friction hardly used up: contacts slide in {100.0 * share:.0f} % of the frames that move on the board (expected 60 % "
+        "at least), so the friction is higher than the 0.55 that is learned"
+    )
+    assert sticking_in_words(transitions_of(tosses[:7], CUBE.length_scale), learned, CUBE) == ""
+    assert sticking_in_words(data, None, CUBE) == ""
+    assert sticking_in_words(transitions_of(thrown(), CUBE.length_scale), described, CUBE) == ""
 
 
 def test_bounds_on_accuracy_are_not_left_alone_beside_a_model_that_is_not_right() -> None:
