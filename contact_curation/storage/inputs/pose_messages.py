@@ -16,6 +16,8 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 POSE_ARRAY = "geometry_msgs/msg/PoseArray"
+ONLY = -1
+"""Index of the pose in a PoseArray that holds no other."""
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
 TF = "tf2_msgs/msg/TFMessage"
 
@@ -47,6 +49,9 @@ def transformed(message: Any, child: str, index: int) -> Measured:
 
 def of_array(message: Any, child: str, index: int) -> Measured:
     """Pose of a PoseArray."""
+    if index == ONLY and len(message.poses) != 1:
+        found = f"{len(message.poses)} poses, expected one, or `array_index`, which of them is the body"
+        return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")
     if index >= len(message.poses):
         found = f"{len(message.poses)} poses, expected one with index {index}"
         return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")
@@ -66,14 +71,14 @@ Reading bags and following live topics both go by this table: another type takes
 """
 
 
-def measured_pose(type_name: str, message: Any, child: str, index: int = 0) -> Measured:
+def measured_pose(type_name: str, message: Any, child: str, index: int = ONLY) -> Measured:
     """Reads the pose in a message of one of `POSE_MESSAGES`.
 
     Args:
         type_name: ROS 2 type name.
         message: message of that type.
         child: frame whose pose it is.
-        index: index of the pose in a PoseArray.
+        index: index of the pose in a PoseArray; ONLY for one that holds no other.
 
     Raises:
         KeyError: the type is not in `POSE_MESSAGES`.

@@ -12,6 +12,7 @@ from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.pose_stream import BadPose
 from contact_curation.motion.tags.pose import TagPoseConfig
 from contact_curation.storage.inputs.pose_messages import (
+    ONLY,
     POSE_MESSAGES,
     TF,
     Measured,
@@ -49,7 +50,7 @@ class PoseTopicConfig:
         topic: topic with the body's poses, or a TF topic; empty: the only one that fits.
         body_frame: frame of the body; empty: `body_<name>`, as TagSLAM names it. Only messages on TF must name it.
         board_frame: frame of the board; empty: the frame that the poses are given in.
-        array_index: index of the body's pose in a PoseArray.
+        array_index: index of the body's pose in a PoseArray; -1: the only one.
         tag_map: YAML file with the tags of body and board, in our form or TagSLAM's; poses are then computed from
             AprilTagDetectionArray.
         camera_info: topic of the camera that saw the tags; empty: the only one, or the one beside the detections.
@@ -62,7 +63,7 @@ class PoseTopicConfig:
     topic: str = ""
     body_frame: str = ""
     board_frame: str = "body_surface"
-    array_index: int = 0
+    array_index: int = ONLY
     tag_map: str = ""
     camera_info: str = ""
     rectified: bool = True
@@ -71,8 +72,8 @@ class PoseTopicConfig:
     largest_spin: float = 60.0
 
     def __post_init__(self) -> None:
-        if self.array_index < 0:
-            raise InvalidValueError("array_index", self.array_index, "0 or more")
+        if self.array_index < ONLY:
+            raise InvalidValueError("array_index", self.array_index, "0 or more, or -1 for the only one")
         for name in ("body_frame", "board_frame"):  # as the frames of messages
             object.__setattr__(self, name, frame_name(getattr(self, name)))
 
@@ -109,7 +110,7 @@ class PoseSource:
         board: topic with the board's poses, or None.
         board_frame: frame of the board; empty if the body's poses are given on the board.
         transforms: TF topics.
-        array_index: index of the body's pose in a PoseArray.
+        array_index: index of the body's pose in a PoseArray; -1: the only one.
         camera: topic with the camera's CameraInfo, if the body's topic has tag detections.
         wanted_board: the configured frame of the board, even if nothing leads to it.
         children: frames that messages of the body's topic are of (`child_frame_id`), if they are of several.
@@ -120,7 +121,7 @@ class PoseSource:
     board: TypedTopic | None
     board_frame: str
     transforms: tuple[str, ...]
-    array_index: int = 0
+    array_index: int = ONLY
     camera: TypedTopic | None = None
     wanted_board: str = ""
     children: frozenset[str] = frozenset()

@@ -81,6 +81,15 @@ def test_what_is_no_pose_says_why(pose: ScalarPose, why: str) -> None:
 def test_a_pose_array_without_the_body_s_pose_says_what_it_holds() -> None:
     bad = measured_pose(POSE_ARRAY, message(POSE_ARRAY, ONE), "body_cube", index=2)
     assert bad == BadPose(ONE.stamp_ns, "body_cube", "pose array: found 2 poses, expected one with index 2")
+    bad = measured_pose(POSE_ARRAY, message(POSE_ARRAY, ONE), "body_cube")
+    which = "pose array: found 2 poses, expected one, or `array_index`, which of them is the body"
+    assert bad == BadPose(ONE.stamp_ns, "body_cube", which)
+
+
+def test_the_only_pose_of_an_array_needs_no_index() -> None:
+    both = message(POSE_ARRAY, ONE)
+    del both.poses[0]
+    assert measured_pose(POSE_ARRAY, both, ONE.child) == ONE
 
 
 def source_of(*topics: tuple[str, str], **config: Any) -> PoseSource:
@@ -161,5 +170,5 @@ def test_each_topic_s_poses_are_of_its_frame_whatever_the_message_calls_it() -> 
 
 
 def test_an_index_is_not_negative() -> None:
-    with pytest.raises(InvalidValueError, match="array_index: found -1"):
-        PoseTopicConfig(array_index=-1)
+    with pytest.raises(InvalidValueError, match="array_index: found -2"):
+        PoseTopicConfig(array_index=-2)

@@ -47,7 +47,7 @@ def read(path: Path, *, together: bool, topic: str = "") -> Outcome:
         if not together:
             patch.setattr(pose_runs, "WALKS", {})
         topics = [TypedTopic(one.name, one.type) for one in reader.topics]
-        source = find_pose_source(path, topics, "cube", PoseTopicConfig(topic=topic))
+        source = find_pose_source(path, topics, "cube", PoseTopicConfig(topic=topic, array_index=1))
 
         def long_way(one: object) -> tuple[object, ...]:
             return source.measured(one.topic, one.message)  # type: ignore[attr-defined]
