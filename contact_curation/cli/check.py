@@ -14,7 +14,7 @@ from contact_curation.cli.options.reading import (
 from contact_curation.cli.options.types import positive_integer
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json
-from contact_curation.pipeline.diagnosis import MOST_MESSAGES, diagnose
+from contact_curation.pipeline.diagnosis import FEWEST_MESSAGES, MOST_MESSAGES, diagnose
 from contact_curation.pipeline.reading import ReadingConfig
 
 NOT_OK = 1
@@ -33,7 +33,8 @@ def add_options(parser: OneLineParser) -> None:
         type=positive_integer,
         default=MOST_MESSAGES,
         metavar="N",
-        help=f"look at the first N messages of pose topics, of all inputs together (default {MOST_MESSAGES})",
+        help=f"look at the first N messages of pose topics, of all inputs together (default {MOST_MESSAGES}; of each at "
+        f"least {FEWEST_MESSAGES})",
     )
     add_json_option(parser)
     parser.set_examples(

@@ -61,7 +61,7 @@ def save_figure(figure: "Figure", path: Path) -> Path:
         InvalidValueError: no PNG can be written there.
     """
     content = BytesIO()
-    figure.savefig(content, format="png")
+    figure.savefig(content, format="png", metadata={"Software": "contact_curation"})  # by which it is known again
     write_atomically(path, content.getvalue())
     return path
 

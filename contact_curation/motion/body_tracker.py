@@ -372,7 +372,8 @@ class BodyTracker:
         wanted = f"expected poses that lead from frame '{board}' to frame '{parent}' at its time"
         here = ", ".join(self._tree.frames[:MOST_LISTED]) or "none"
         named = "" if parent else "; header.frame_id of the poses is empty: set it"
-        return f"{wanted}{named}; frames here: {here}; where poses are given on the board, use --board-frame ''"
+        on_board = "where poses are given on the board, use --board-frame '' (of a node: board_frame:=none)"
+        return f"{wanted}{named}; frames here: {here}; {on_board}"
 
     def _counted(self, events: list[TrackerEvent]) -> tuple[TrackerEvent, ...]:
         for event in events:

@@ -140,8 +140,9 @@ class StampEvener:
 
     @property
     def scatter(self) -> float:
-        """Standard deviation of the last stamps that were evened [s]; no part of the state."""
-        return pstdev(self._delays) / NANOSECONDS if self._delays else 0.0
+        """Standard deviation of the last stamps that were evened [s]; no part of the state. Any thread may ask for it."""
+        delays = tuple(self._delays)  # at once: no other thread adds to it meanwhile
+        return pstdev(delays) / NANOSECONDS if delays else 0.0
 
     @property
     def done(self) -> str:

@@ -79,7 +79,9 @@ class TossIngest:
 
     @property
     def counts(self) -> Counter[str]:
-        counts = self._tracker.counts + self._stamps.counts + self._outcomes
+        """How many poses, tosses and faults there were, by name. May be asked for by another thread."""
+        parts = (self._tracker.counts, self._stamps.counts, self._outcomes)
+        counts = sum((one.copy() for one in parts), Counter[str]())  # each at once, while another thread counts
         counts["poses"] -= self._stamps.counts["stamp"]
         return +counts
 

@@ -75,7 +75,7 @@ class Player(StageNode):
         if not path:
             raise InvalidValueError("parameter bag", "nothing", "the path of a recording")
         self._reader = BagReader(Path(path))
-        self._outlets = self._advertised(played_topics(self._reader, wanted), new_names(renamed))
+        self._outlets = self._advertised(played_topics(self._reader, wanted), new_names(self._reader, renamed))
         self._playback = Playback(self._reader, self._recorded_time, self._now, offset, loop=loop, fast=self._fast)
         self._triggers()
         if hertz:

@@ -44,7 +44,8 @@ from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from contact_curation.storage.inputs.recording_notes import RULES_NOTE, with_recorded_rules
 from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
 
-AUTO = "auto"
+AUTO, NONE = "auto", "none"
+"""Words for an empty topic and an empty board frame, which launch and `-p` cannot pass."""
 
 PAUSE = 10.0
 """[s] between two warnings that poses come too fast."""
@@ -254,9 +255,10 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
 
 
 def declared_poses(node: StageNode) -> PoseTopicConfig:
-    """Declares the parameters of the pose topics; `auto` stands for an empty topic, which launch cannot pass."""
+    """Declares the parameters of the pose topics."""
     poses = declare_config(node, PoseTopicConfig())
-    return replace(poses, topic="") if poses.topic == AUTO else poses
+    topic, frame = poses.topic, poses.board_frame
+    return replace(poses, topic="" if topic == AUTO else topic, board_frame="" if frame == NONE else frame)
 
 
 def declared_type(node: StageNode) -> str:

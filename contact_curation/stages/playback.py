@@ -212,11 +212,12 @@ def played_topics(reader: BagReader, wanted: Sequence[str]) -> dict[str, str]:
     return {name: kind for name, kind in recorded.items() if not wanted or name in wanted}
 
 
-def new_names(pairs: Sequence[str]) -> Mapping[str, str]:
+def new_names(reader: BagReader, pairs: Sequence[str]) -> Mapping[str, str]:
     """Topics by their recorded names, from `old:=new`.
 
     Raises:
         InvalidValueError: a pair is not of this form.
+        MissingTopicError: a topic is to be renamed that was not recorded.
     """
     names: dict[str, str] = {}
     for pair in pairs:
@@ -224,4 +225,8 @@ def new_names(pairs: Sequence[str]) -> Mapping[str, str]:
         if not (old and arrow and new):
             raise InvalidValueError("remap", repr(pair), "old:=new")
         names[f"/{old.lstrip('/')}"] = new
+    recorded = [info.name for info in reader.topics]
+    missing = sorted(set(names) - set(recorded))
+    if missing:
+        raise MissingTopicError(reader.path, ", ".join(missing), recorded)
     return names

@@ -54,9 +54,17 @@ def matching(name: str) -> list[Path]:
         from urllib.request import url2pathname  # with it come HTTP and TLS, which no local path needs
 
         name = url2pathname(urlsplit(name).path)
-    if Path(name).exists() or not has_magic(name):
+    if not has_magic(name) or _exists(Path(name)):
         return [Path(name)]
     return [Path(each) for each in _some(name, sorted(glob(name, recursive=True)))]  # noqa: PTH207 - of absolute patterns, too
+
+
+def _exists(path: Path) -> bool:
+    """Whether there is such a file; True where that cannot be seen, which whoever reads it says."""
+    try:
+        return path.exists()
+    except OSError:  # a folder that may not be entered, a name that is too long
+        return True
 
 
 def _addresses(name: str) -> list[Path]:

@@ -1,21 +1,26 @@
 """Rules for all outputs: a file is replaced only if it can be made again, and a service call writes in one folder only.
 
 What this program makes of recordings can be made again: manifests, scores, figures, throws, metrics, dashboards. Each of these
-files contains a mark of its kind. Replacing a recording, a checkpoint or another file is refused; commands have `--overwrite`.
+files contains a mark of its kind; that of a CSV manifest is its digest in the file beside it, so that one that was edited is
+known. Replacing a recording, a checkpoint or another file is refused; commands have `--overwrite`.
 """
 
 import os
+from hashlib import sha256
 from pathlib import Path
 
 from contact_curation.errors import InvalidValueError
 
+CSV, PROVENANCE = ".csv", ".provenance.json"
+"""Endings of a manifest's table, and of the file beside it that holds its head."""
+
 MARKS = {
     ".parquet": (b"contact_curation_manifest",),
-    ".csv": (b"contact_curation_manifest", b"first_stamp_ns,last_stamp_ns"),
+    CSV: (b"contact_curation_manifest",),
     ".json": (b'"contact_curation_manifest"', b'"expected_information"'),
     ".npz": (b"parameter_names.npy",),
-    ".png": (b"Matplotlib",),
-    ".jsonl": (b'"event": "start"',),
+    ".png": (b"Software\0contact_curation",),
+    ".jsonl": (b'{"event": "start", "gradient_steps": ',),
     ".rrd": (b"contact_curation",),
 }
 """Marks near the beginning or the end of files that this program made, by their file name ending."""
@@ -40,6 +45,9 @@ def check_replaceable(name: str, path: Path, remedy: str) -> None:
 
 
 def _is_made_again(path: Path) -> bool:
+    beside = path.with_suffix(PROVENANCE)
+    if path.suffix == CSV and beside.is_file():
+        return sha256(path.read_bytes()).hexdigest().encode() in beside.read_bytes()
     with path.open("rb") as file:
         edges = file.read(EDGE)
         file.seek(max(0, file.seek(0, os.SEEK_END) - EDGE))

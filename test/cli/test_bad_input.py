@@ -274,3 +274,16 @@ def test_no_word_is_no_path_though_python_takes_it_for_the_current_folder(cli: C
     assert (done.status > 0, done.out, len(done.err_lines)) == (True, "", 1)
     assert "found ''" in done.err
     assert said.lower() in done.err.lower()
+
+
+def test_an_input_whose_name_is_too_long_leaves_the_others_to_be_ranked(cli: Cli, golden: Path) -> None:
+    done = cli("rank", f"{'a' * 300}.mcap", golden, "--top", 2, "--no-figure")
+    assert done.status == 0
+    assert sum("File name too long" in line for line in done.err_lines) == 1
+    assert "24 tosses of 2 inputs: 21 ranked" in done.out
+
+
+def test_a_single_recording_that_cannot_be_read_is_named(cli: Cli, tmp_path: Path) -> None:
+    done = cli("check", tmp_path / "nope.mcap")
+    assert done.status == 1
+    assert done.out.startswith("cannot be read: nope.mcap: cannot be opened: No such file")

@@ -92,7 +92,7 @@ def test_without_a_board_every_pose_is_counted_and_says_what_is_missing() -> Non
     said = [event.why for event in events if isinstance(event, BadPose)]
     assert said[0] == (
         "board: found none within 0.1 s, expected poses that lead from frame 'body_surface' to frame 'map' at its time; "
-        "frames here: none; where poses are given on the board, use --board-frame ''"
+        "frames here: none; where poses are given on the board, use --board-frame '' (of a node: board_frame:=none)"
     )
     assert "found the stream ended" in said[-1]
 

@@ -1,6 +1,7 @@
 """Stamps of reception become even ones where the motion says so, and nowhere else."""
 
 import json
+import threading
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
@@ -207,3 +208,19 @@ def test_stamps_that_go_to_and_fro_do_not_pile_up() -> None:
     evener, pose = StampEvener("cube"), throws(148.0, 1)[0].pose
     given = sum(len(evener.push(BodyPose(10**10 + 1_000_000 * (k % 3), pose))) for k in range(3000))
     assert given > 1500
+
+
+def test_the_scatter_may_be_asked_for_while_another_thread_evens_stamps() -> None:
+    evener, ended = StampEvener("cube"), threading.Event()
+
+    def add() -> None:
+        while not ended.is_set():
+            evener._delays.append(1.0)
+
+    thread = threading.Thread(target=add)
+    thread.start()
+    try:
+        assert {evener.scatter for _ in range(200)} <= {0.0}
+    finally:
+        ended.set()
+        thread.join()

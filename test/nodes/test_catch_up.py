@@ -22,6 +22,7 @@ class Server:
         self.stored = [numbered(k, kind) for k in range(1, count + 1)]
         self.alive = self.ready = True
         self.questions = 0
+        self.lines: list[str] = []
         self.heard: Callable[[Any], None] = lambda message: None
         self.tick: Callable[[], None] = lambda: None
 
@@ -35,6 +36,12 @@ class Server:
     def create_timer(self, period: float, tick: Callable[[], None], clock: Any) -> None:
         self.tick = tick
 
+    def get_logger(self) -> "Server":
+        return self
+
+    def warning(self, line: str) -> None:
+        self.lines.append(line)
+
     # What CatchUp asks of a client
     def service_is_ready(self) -> bool:
         return self.ready
@@ -44,6 +51,7 @@ class Server:
 
     def call_async(self, request: Any) -> "Answer":
         self.questions += 1
+        assert request.after_sequence >= 0  # an unsigned number
         page = [one for one in self.stored if one.sequence > request.after_sequence][: request.limit]
         return Answer(SimpleNamespace(items=page, last_sequence=self.stored[-1].sequence if self.stored else 0), self.alive)
 
@@ -325,3 +333,18 @@ def test_no_more_numbers_are_remembered_than_are_needed() -> None:
         server.announce(number)
     hand.work()
     assert len(following_it._taken) == REMEMBERED
+
+
+def test_a_message_without_a_number_is_said_and_dropped() -> None:
+    server = Server(2)
+    follower, hand, taken = following(server)
+    server.heard(numbered(0, "mine"))
+    server.tick()
+    hand.work()
+    assert taken == ["toss-1", "toss-2"]
+    assert server.lines == ["bad number: message of mine-0: found sequence 0, expected 1 or more; dropped"]
+    server.heard(numbered(0, "mine"))
+    server.announce(3)
+    hand.work()
+    assert taken == ["toss-1", "toss-2", "toss-3"]
+    assert follower.complete

@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -150,6 +151,36 @@ def test_a_log_level_that_there_is_not_is_one_line(tmp_path: Path) -> None:
     assert line.startswith("curator: failed to initialize rcl: Couldn't parse log level: '--log-level loud'")
 
 
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        (["--help"], 0, "usage: curator --ros-args [-p NAME:=VALUE]"),
+        (["--bogus"], 1, "curator: arguments: found --bogus, expected --ros-args -p NAME:=VALUE"),
+        (["-p", "top:=3"], 1, "curator: arguments: found -p top:=3, expected --ros-args -p NAME:=VALUE"),
+    ],
+)
+def test_words_that_no_node_has_are_refused(words: list[str], status: int, said: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "contact_curation.nodes.curator", *words],
+        capture_output=True, text=True, check=False, timeout=120.0,
+    )  # fmt: skip
+    assert (done.returncode, (done.stdout + done.stderr)[: len(said)]) == (status, said)
+    assert len((done.stdout + done.stderr).splitlines()) == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_modules_are_imported_ends_a_node_with_status_0(number: signal.Signals) -> None:
+    code = (
+        "import os, sys\n"
+        "sys.argv = ['/bin/trainer']\n"
+        "import contact_curation.nodes\n"
+        f"os.kill(os.getpid(), {number})\n"
+        "import contact_curation.nodes.trainer\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=120.0)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 def started_curator(folder: Path, *words: str) -> tuple[int, str]:
     """Exit status and error output of a curator whose store cannot be made."""
     command = [sys.executable, "-m", "contact_curation.nodes.curator", "--ros-args", *words]
@@ -165,8 +196,9 @@ def test_what_launch_cannot_leave_empty_has_a_word() -> None:
     from contact_curation.nodes.pose_ingest import declared_poses
     from contact_curation.nodes.ros.design_parameters import declared_thrower
 
-    with small("-p", "topic:=auto", "-p", "thrower:=none") as node:
-        assert declared_poses(node).topic == ""
+    with small("-p", "topic:=auto", "-p", "board_frame:=none", "-p", "thrower:=none") as node:
+        poses = declared_poses(node)
+        assert (poses.topic, poses.board_frame) == ("", "")
         assert declared_thrower(node, CONTACTNETS_CUBE) is None
 
 

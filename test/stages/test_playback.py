@@ -88,7 +88,10 @@ def test_topics_that_were_not_recorded_are_refused(reader: BagReader) -> None:
         played_topics(reader, ["/nothing"])
 
 
-def test_new_names_are_given_as_pairs() -> None:
-    assert new_names(["a:=/b", "/c:=d"]) == {"/a": "/b", "/c": "d"}
+def test_new_names_are_given_as_pairs(reader: BagReader) -> None:
+    for pair in (f"{TOPIC}:=/b", f"{TOPIC.lstrip('/')}:=/b"):
+        assert new_names(reader, [pair]) == {TOPIC: "/b"}
     with pytest.raises(InvalidValueError, match="old:=new"):
-        new_names(["a=b"])
+        new_names(reader, ["a=b"])
+    with pytest.raises(MissingTopicError, match="expected /nothing"):
+        new_names(reader, ["/nothing:=/b"])

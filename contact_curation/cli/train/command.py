@@ -173,7 +173,7 @@ def run(arguments: argparse.Namespace) -> int:
     tosses = learning_tosses(read, config.division)
     warn(tosses.warnings)
     running = _begun_or_resumed(arguments, config, tosses)
-    metrics_path = arguments.metrics or arguments.out.with_suffix(".jsonl")
+    metrics_path = _metrics_path(arguments)
     write_atomically(
         arguments.out, running.checkpoint()
     )  # so that a place that cannot be written is known before hours of work
@@ -279,7 +279,12 @@ def _selection(arguments: argparse.Namespace, ranking: RankingConfig, staleness:
 def _check_out(arguments: argparse.Namespace) -> None:
     overwrite = arguments.resume or arguments.overwrite
     check_outputs(overwrite=overwrite, remedy="--resume to go on with it, or --overwrite to start over", out=arguments.out)
-    check_outputs(overwrite=overwrite, metrics=arguments.metrics)
+    check_outputs(overwrite=overwrite, metrics=_metrics_path(arguments))
+
+
+def _metrics_path(arguments: argparse.Namespace) -> Path:
+    given: Path | None = arguments.metrics
+    return given or arguments.out.with_suffix(".jsonl")
 
 
 def _begun_or_resumed(arguments: argparse.Namespace, config: "TrainConfig", tosses: LearningTosses) -> "TrainingRun":

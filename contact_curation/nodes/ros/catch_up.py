@@ -21,6 +21,7 @@ from rclpy.task import Future
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.stages.records import Cursor
 
@@ -78,6 +79,7 @@ class CatchUp:
         handle: Callable[[Sequence[Any], Cursor], None],
         caught_up: Callable[[], None] = lambda: None,
     ) -> None:
+        self._warnings = ThrottledWarnings(node)
         self._worker = worker
         self._source = source
         self._handle = handle
@@ -124,6 +126,9 @@ class CatchUp:
             message = heard if self._source.read is None else self._source.read(heard)
         except InvalidValueError:  # the service has it whole
             self._ask()
+            return
+        if message.sequence < 1:
+            self._warnings.note("bad number", f"message of {message.toss_id}: found sequence 0, expected 1 or more")
             return
         with self._lock:
             self._newest = max(self._newest, message.sequence)

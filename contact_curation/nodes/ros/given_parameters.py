@@ -6,9 +6,13 @@ from pathlib import Path
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.utilities import remove_ros_args
 
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.session.node_parameters import FORMER_NAMES, OF_ROS, declared_parameters
+
+PAGE = "docs/ros/reference.md"
+"""That lists all parameters."""
 
 PARAMS_FILE, PARAMETER = "--params-file", ("-p", "--param")
 
@@ -25,6 +29,20 @@ def check_files(words: Sequence[str]) -> None:
     for word, path in pairwise(words):
         if word == PARAMS_FILE and not Path(path).is_file():
             raise InvalidValueError(PARAMS_FILE, f"no file {path}", "a parameter file, such as config/nodes.yaml")
+
+
+def check_words(words: Sequence[str]) -> None:
+    """Refuses words that ROS does not know, such as parameters without `--ros-args` before them.
+
+    Args:
+        words: arguments of the command line; ROS has read its own.
+
+    Raises:
+        InvalidValueError: there is one.
+    """
+    unknown = remove_ros_args([*words])[1:]
+    if unknown:
+        raise InvalidValueError("arguments", " ".join(unknown), f"--ros-args -p NAME:=VALUE; parameters: {PAGE}")
 
 
 def take_former_names(node: Node, name: str) -> None:

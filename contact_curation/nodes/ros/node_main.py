@@ -28,7 +28,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from contact_curation.errors import ContactCurationError
-from contact_curation.nodes.ros.given_parameters import check_files, check_names, take_former_names
+from contact_curation.nodes import left_with
+from contact_curation.nodes.ros.given_parameters import PAGE, check_files, check_names, check_words, take_former_names
 from contact_curation.nodes.ros.qos import overridable, overrides_checked
 from contact_curation.nodes.ros.security import check_keystore, explained
 from contact_curation.nodes.ros.worker import Worker
@@ -162,6 +163,10 @@ class _Ending:
 
 def run(make: Callable[[], StageNode], name: str) -> int:
     """Makes a node and spins it until SIGINT, SIGTERM or its own end; returns the exit status."""
+    if sys.argv[1:2] in (["-h"], ["--help"]):
+        usage = f"usage: {name} --ros-args [-p NAME:=VALUE] [--params-file FILE] [-r NAME:=NEW_NAME]"
+        sys.stdout.write(f"{usage}; parameters: {PAGE}\n")
+        return 0
     return run_together({name: make}, name)
 
 
@@ -187,7 +192,9 @@ def run_together(
             ending.failures.setdefault(process, error)
         finally:
             _close(ending)
-    return max((refuse(name, failure) for name, failure in ending.failures.items()), default=0)
+    status = max((refuse(name, failure) for name, failure in ending.failures.items()), default=0)
+    left_with[:] = [status]
+    return status
 
 
 def _make(makers: Mapping[str, Callable[[], StageNode]], process: str, ending: _Ending) -> bool:
@@ -199,6 +206,8 @@ def _make(makers: Mapping[str, Callable[[], StageNode]], process: str, ending: _
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Failed to fini", RuntimeWarning)  # from rclpy, when a node cannot be made
             rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+            if process in makers:  # a container takes words of its own
+                check_words(sys.argv)
             for name, make in makers.items():
                 ending.nodes[name] = node = make()
                 node.shares_process = len(makers) > 1

@@ -26,6 +26,7 @@ import pyarrow.parquet as pq
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.files import check_version, read_bounded, write_atomically
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.storage.outputs import CSV, PROVENANCE
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
 FORMAT = "contact_curation_manifest"
@@ -128,7 +129,6 @@ def _mapped(value: Any, leaf: Callable[[Any], Any]) -> Any:
 
 
 COMMENT = "# "
-CSV, PROVENANCE = ".csv", ".provenance.json"
 COLUMNS = tuple(field.name for field in fields(ManifestRow))
 BOOLEANS = {"true": True, "false": False}
 READERS: dict[object, Callable[[str], Any]] = {
@@ -314,13 +314,13 @@ def write_manifest(manifest: Manifest, path: Path) -> None:
     write = _format(path).write
     try:
         data = write(manifest)
+        if path.suffix == CSV:
+            _write_csv(manifest, path, data)
+        else:
+            write_atomically(path, data)
     except UnicodeEncodeError as error:
         near = error.object[max(0, error.start - AROUND) : error.end + AROUND]
         raise InvalidValueError("manifest", f"{near!r} in it", "names and paths that are Unicode") from error
-    if path.suffix == CSV:
-        _write_csv(manifest, path, data)
-    else:
-        write_atomically(path, data)
 
 
 def read_manifest(path: Path) -> Manifest:

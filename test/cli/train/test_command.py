@@ -161,6 +161,15 @@ def test_metrics_that_cannot_be_written_leave_no_checkpoint_behind(cli: Cli, fol
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_file_where_the_metrics_go_is_not_overwritten(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.jsonl").write_text("my notes\n")
+    done = cli("train", folder, "--out", tmp_path / "a.safetensors", *SHORT)
+    assert (done.status, len(done.err_lines)) == (1, 1)
+    assert f"--metrics: found a file at {tmp_path / 'a.jsonl'}, expected a new name" in done.err
+    assert (tmp_path / "a.jsonl").read_text() == "my notes\n"
+    assert cli("train", folder, "--out", tmp_path / "a.safetensors", *SHORT, "--overwrite").status == 0
+
+
 def test_a_held_out_motion_under_another_heading_is_not_trained_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
     rows = torch.load(folder / "5.pt", weights_only=True)
     half_turn = torch.tensor([-1.0, -1.0, 1.0])  # about the vertical: x and y change their signs

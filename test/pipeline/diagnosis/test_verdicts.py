@@ -74,7 +74,7 @@ def test_a_recording_that_is_no_bag_is_a_diagnosis_too(cli: Cli, golden: Path, t
     (tmp_path / "bad.mcap").write_bytes(b"garbage" * 99)
     alone = cli("check", tmp_path / "bad.mcap", "--json")
     assert (alone.status, alone.json["ok"]) == (1, False)
-    assert alone.json["verdict"].startswith("cannot be read: begins with")
+    assert alone.json["verdict"].startswith("cannot be read: bad.mcap: begins with")
     beside = cli("check", golden, tmp_path / "bad.mcap", "--json").json
     assert beside["ok"]
     assert "but cannot be read: bad.mcap" in beside["verdict"]

@@ -265,6 +265,8 @@ def test_a_path_that_is_not_unicode_is_refused_before_anything_is_written(tmp_pa
     for ending in ENDINGS:
         with pytest.raises(InvalidValueError, match=r"found '.{,60}bag.udcff\.mcap.{,60}' in it, .* Unicode"):
             write_manifest(Manifest(RUN, (row,)), tmp_path / f"m{ending}")
+        with pytest.raises(InvalidValueError, match="Unicode"):
+            write_manifest(Manifest(replace(RUN, command=("rank", "bag\udcff.mcap")), ()), tmp_path / f"m{ending}")
     assert list(tmp_path.iterdir()) == []
 
 

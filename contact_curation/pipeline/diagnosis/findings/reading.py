@@ -13,7 +13,9 @@ def unreadable(evidence: Evidence) -> Finding | None:
     if not found:
         return None
     severity = Severity.FAULT if len(found) == len(evidence.recordings) else Severity.WARNING
-    return Finding(severity, f"cannot be read: {of_recordings(evidence, found)}", "give another, or copy or record it again")
+    name, line = next(iter(found.items()))
+    said = of_recordings(evidence, found) if len(evidence.recordings) > 1 else f"{name}: {line}"
+    return Finding(severity, f"cannot be read: {said}", "give another, or copy or record it again")
 
 
 def without_a_topic(evidence: Evidence) -> Finding | None:
