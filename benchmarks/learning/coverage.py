@@ -35,11 +35,13 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
+from contact_curation.learning.evaluation.misfit import sliding_of
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.uncertainty.bounce import bounce_of
 from contact_curation.learning.uncertainty.parameters import KnownConfig, known
 from contact_curation.motion.pose_noise import RIG_NOISE
 from contact_curation.motion.smoothing import kinematics
+from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
@@ -141,9 +143,9 @@ def fitted(body: Body, data: Transitions, seed: int, bounces: bool) -> PolytopeM
     return fit_held(PolytopeModel(start, body, Form.RIGID), data, replace(FIT, renewals=3)).model
 
 
-def row_of(model: PolytopeModel, data: Transitions, others: Transitions) -> Row:
+def row_of(model: PolytopeModel, data: Transitions, others: Transitions, slid: Sliding | None) -> Row:
     """What is said of friction and vertices, and how many intervals hold the truth."""
-    found = known(model, data, others, KnownConfig(ONE_THREAD))
+    found = known(model, data, others, KnownConfig(ONE_THREAD), slid)
     by_name = {one.name: one for one in found.parameters}
     vertices = [one for one in found.parameters if one.name.startswith("vertices")]
     errors = np.abs([one.value for one in vertices] - 1e3 * model.body.vertices.ravel())
@@ -166,7 +168,9 @@ def rows_of(key: Row) -> list[Row]:
     world = WORLDS[key["world"]]
     tosses = world.tosses(LARGEST + OTHERS, 1000 * key["seed"])
     data, others = (transitions_of(part, world.body.length_scale) for part in (tosses[: key["size"]], tosses[LARGEST:]))
-    return [{**key, "arm": arm, **row_of(fitted(world.body, data, key["seed"], arm == ARMS[1]), data, others)} for arm in ARMS]
+    slid = sliding_of((*tosses[: key["size"]], *tosses[LARGEST:]), world.body)
+    models = {arm: fitted(world.body, data, key["seed"], arm == ARMS[1]) for arm in ARMS}
+    return [{**key, "arm": arm, **row_of(model, data, others, slid)} for arm, model in models.items()]
 
 
 def print_table(rows: Sequence[Row]) -> None:

@@ -27,6 +27,7 @@ from contact_curation.geometry.solids.mass_properties import of_hull
 from contact_curation.learning.evaluation.misfit import (
     bounce_in_words,
     impact_depth,
+    sliding_of,
     sliding_share,
     softness_in_words,
     sticking_in_words,

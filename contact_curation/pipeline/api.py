@@ -293,7 +293,8 @@ def train(
         ),
         learning_tosses(found, division),
     )
-    with progress("training", "steps", running.plan.protocol.steps) as bar:
+    budget = running.plan.protocol
+    with progress("training", "steps", None if budget.exact else budget.steps) as bar:
         while running.running:
             bar.advance(1, running.advance())
     running.check()
@@ -319,8 +320,8 @@ def evaluate(
         model: the model, from `train` or `load_model`.
         tosses: tosses from `read`, or inputs as for `read`.
         against: another model, which is evaluated on the same tosses and compared.
-        held_out: tosses to evaluate on: numbers, a share, or a file of ids; None for those that the training held out, or
-            all if it held out none.
+        held_out: tosses to evaluate on: numbers, a share, or a file of ids; None for those that the training held out; if it
+            held out none, for those that it did not learn from, or all.
         more: number of further throws like those that an exact fit learned from; `more_throws` of the result predicts how far
             they would change predicted motions. None for as many again.
         seed: random seed of the bootstrap.
@@ -336,9 +337,9 @@ def evaluate(
     Examples:
         >>> report = cc.evaluate(model, cc.read("test.mcap", body=body))
         >>> report.evaluations[0].errors.position.shape  # [% of the width], one per toss
-        (21,)
+        (13,)
         >>> print(report)
-        evaluated on 21 of 24 tosses (3 rejected: displacement beside the velocity, gap, lowest corner of the toss)
+        evaluated on 13 of 24 tosses (3 rejected: ...; 8 not chosen): polytope trained here did not learn from them
         ...
     """
     from contact_curation.learning.evaluation.bootstrap import BootstrapConfig

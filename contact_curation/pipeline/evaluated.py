@@ -116,7 +116,9 @@ class Evaluation:
         """What they say against the first model's friction; empty for nothing."""
         rows = {one.name: one for one in self.known.parameters} if self.known else {}
         learned = rows.get("friction")
-        return "" if learned is None else sliding_in_words(self.sliding, learned.value, learned.interval)
+        if learned is None:
+            return ""
+        return sliding_in_words(self.sliding, learned.value, float(np.sqrt(learned.interval**2 - learned.misfit**2)))
 
     @cached_property
     def sticking_misfit(self) -> str:

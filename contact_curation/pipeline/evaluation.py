@@ -9,6 +9,7 @@ from contact_curation.contact.parameter_form import is_physical
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, split
+from contact_curation.learning.evaluation.misfit import sliding_of
 from contact_curation.learning.uncertainty.bounce import Bounce, bounce_of
 from contact_curation.learning.uncertainty.more_throws import MoreThrows, more_throws
 from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known
@@ -108,9 +109,13 @@ def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedMod
 
 
 def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...], str]:
-    """Those that a training held out, the others, and words for it; all where it held out none."""
+    """Those that a training held out, or did not learn from, the others, and words for it; all where there are none."""
     if not model.held_out:
-        return tosses, (), EVERYTHING
+        new = tuple(toss for toss in tosses if toss.toss_id not in model.learned_from)
+        if len(new) in (0, len(tosses)):
+            return tosses, (), EVERYTHING
+        seen = tuple(toss for toss in tosses if toss.toss_id in model.learned_from)
+        return new, seen, f"{model.name} did not learn from them"
     judged_by = tuple(toss for toss in tosses if toss.toss_id in model.held_out)
     if not judged_by:
         found = f"none of the {len(model.held_out)} that {model.name} names"
@@ -166,4 +171,5 @@ def _known(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> 
     if not tosses.fitted:
         return None, "what is known needs the tosses that it was fitted to among the inputs, beside those that judge it"
     scale = model.body.length_scale
-    return known(model, transitions_of(tosses.fitted, scale), transitions_of(tosses.judged_by, scale), config), ""
+    slid = sliding_of((*tosses.fitted, *tosses.judged_by), model.body)
+    return known(model, transitions_of(tosses.fitted, scale), transitions_of(tosses.judged_by, scale), config, slid), ""

@@ -86,6 +86,7 @@ def _parameters(
     """None for a network. The noise is that of tosses that were not trained on, of the session's own where there are some."""
     from contact_curation.contact.parameter_form import is_physical
     from contact_curation.learning.evaluation.evaluation import shape_errors
+    from contact_curation.learning.evaluation.misfit import sliding_of
     from contact_curation.learning.uncertainty.parameters import KnownConfig, known
     from contact_curation.motion.transitions import transitions_of
 
@@ -99,6 +100,7 @@ def _parameters(
     interval: float | None = None
     if fitted and others and is_physical(geometry):
         scale = model.body.length_scale
-        found = known(model, transitions_of(fitted, scale), transitions_of(others, scale), KnownConfig())
+        slid = sliding_of((*fitted, *others), model.body)
+        found = known(model, transitions_of(fitted, scale), transitions_of(others, scale), KnownConfig(), slid)
         interval = next(one.interval for one in found.parameters if one.name == "friction")
     return LearnedSummary(shape.friction, interval, model.body.friction, shape.vertex_rms_mm, len(fitted), len(state.throws))

@@ -37,7 +37,8 @@ from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import form_of, thetas_of
 from contact_curation.pipeline.workers import Engine
-from contact_curation.storage.manifest.file import CSV, FORMATS, provenance_of
+from contact_curation.storage.manifest.file import FORMATS, provenance_of
+from contact_curation.storage.outputs import CSV
 
 STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
 BLOCKS = ("all", "physical")

@@ -302,7 +302,8 @@ def _begun_or_resumed(arguments: argparse.Namespace, config: "TrainConfig", toss
 def _train(running: "TrainingRun", arguments: argparse.Namespace, metrics: "TrainingMetrics") -> None:
     """Trains to the end, or until the training is stopped."""
     next_write = time.monotonic() + arguments.checkpoint_every
-    steps, done = running.plan.protocol.steps, running.progress.gradient_steps
+    protocol, done = running.plan.protocol, running.progress.gradient_steps
+    steps = None if protocol.exact else protocol.steps  # an optimum takes as many as it takes
     with StopSignals() as stop, Progress("training", "steps", steps, done) as bar:
         while running.running and not stop.wanted:
             note = running.advance()

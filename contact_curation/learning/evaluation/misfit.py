@@ -16,8 +16,8 @@ from contact_curation.motion.survey.sliding import Sliding, sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, states_of, transitions_of
 
-FEWEST = 8
-"""Tosses, for a line about all of them."""
+FEWEST, FEWEST_SLIDING = 8, 5
+"""Tosses, for a line about all of them, and about those that slide, whose frictions are known one by one."""
 
 BOUNCING = 0.07
 """By how much the median share of its approach speed with which a corner leaves the first impact is above that of the body as
@@ -98,10 +98,10 @@ def variation_in_words(found: Sliding | None) -> str:
 
 
 def sliding_of(tosses: Sequence[Toss], body: Body) -> Sliding | None:
-    """Frictions of the tosses that slide; None of fewer than `FEWEST`."""
+    """Frictions of the tosses that slide; None of fewer than `FEWEST_SLIDING`."""
     radius = float(np.linalg.norm(body.vertices, axis=1).max())
     found = sliding(tosses, radius, body.gravity)
-    return found if len(found.friction) >= FEWEST else None
+    return found if len(found.friction) >= FEWEST_SLIDING else None
 
 
 def sliding_in_words(found: Sliding | None, friction: float, interval: float) -> str:
@@ -110,13 +110,13 @@ def sliding_in_words(found: Sliding | None, friction: float, interval: float) ->
     Args:
         found: their frictions.
         friction: learned.
-        interval: half width of its 95 % interval.
+        interval: half width of its 95 % interval by the fit alone.
     """
     if found is None or abs(found.median - friction) <= interval + NORMAL_95 * found.median_error:
         return ""
     return (
         f"bodies that slide slow down by a friction of {found.median:.3f} (median of {len(found.friction)} tosses), the "
-        f"model's is {friction:.3f} +- {interval:.3f}: impacts, which rule a fit, rub otherwise, or contacts give way"
+        f"model's is {friction:.3f}: impacts, which rule a fit, rub otherwise, or contacts give way; the interval holds both"
     )
 
 

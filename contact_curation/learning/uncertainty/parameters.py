@@ -45,6 +45,7 @@ from contact_curation.information.impacts import as_described
 from contact_curation.information.subspace import identifiable_subspace, model_covariance, sandwich_covariance
 from contact_curation.learning.fits.polytope_sums import PolytopeSums, fitted_form, polytope_sums
 from contact_curation.learning.uncertainty.two_way import impact_scores, interval_factor, two_way_covariance
+from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.transitions import Transitions
 
 RESTITUTION = 0.4
@@ -73,6 +74,8 @@ class KnownConfig:
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidValueError(f"known.{name}", getattr(self, name), "a positive number")
 
+NORMAL_95 = 1.96
+
 
 class KnownParameter(NamedTuple):
     """One parameter and its standard deviations.
@@ -83,7 +86,9 @@ class KnownParameter(NamedTuple):
         value: of the model; a tilt is measured from its own normal and is zero, the height is the ground's amid the tosses.
         cramer_rao, sandwich, naive: see above; inf where the empirical Fisher matrix is singular.
         deviation: the standard deviation to quote.
-        interval: half the width of the 95 % interval that follows from it.
+        interval: half the width of the 95 % interval that follows from it, and from `misfit`.
+        misfit: how far from a learned friction that of sliding bodies may be, with 95 % confidence. All impacts alike may ask
+            for another friction, which no spread of tosses or impacts tells of.
     """
 
     name: str
@@ -94,6 +99,7 @@ class KnownParameter(NamedTuple):
     naive: float
     deviation: float
     interval: float
+    misfit: float = 0.0
 
 
 class KnownVertex(NamedTuple):
@@ -134,7 +140,7 @@ class Known:
     not_solved: int
 
 
-def known(model: Model, fitted: Transitions, others: Transitions, config: KnownConfig) -> Known:
+def known(model: Model, fitted: Transitions, others: Transitions, config: KnownConfig, sliding: Sliding | None = None) -> Known:
     """What is known.
 
     Args:
@@ -142,6 +148,7 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
         fitted: the tosses that it was fitted to.
         others: tosses that it was not fitted to, for sigma^2.
         config: loss and prior.
+        sliding: frictions of the tosses that slide; None of too few.
 
     Raises:
         InvalidValueError: no polytope, or one without a physical form; or no toss has information about theta.
@@ -159,8 +166,9 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
     both = _at_least(two_way_covariance(sums, groups, variance, prior), cramer_rao)
     deviations = tuple(np.sqrt(np.diagonal(each)) for each in (cramer_rao, sandwich, naive, both))
     newton = np.linalg.solve(variance * prior + information, sums.scores.sum(axis=0))
+    rows = _parameters(model, *deviations, interval_factor(len(fitted.toss_ids), len(groups)) * deviations[-1])
     return Known(
-        parameters=_parameters(model, *deviations, interval_factor(len(fitted.toss_ids), len(groups)) * deviations[-1]),
+        parameters=rows if sliding is None else tuple(_beside_sliding(row, sliding) for row in rows),
         vertices=_vertices(model, both),
         noise_variance=variance,
         directions=identifiable_subspace(information).dimension,
@@ -168,6 +176,14 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
         tosses=len(fitted.toss_ids),
         not_solved=int(sums.not_solved.sum()),
     )
+
+
+def _beside_sliding(row: KnownParameter, sliding: Sliding) -> KnownParameter:
+    """A friction with its distance from that of sliding bodies, which its interval contains, too."""
+    if row.name != "friction":
+        return row
+    misfit = abs(sliding.median - row.value) + NORMAL_95 * sliding.median_error
+    return row._replace(interval=float(np.hypot(row.interval, misfit)), misfit=misfit)
 
 
 def _weighted(model: PolytopeModel) -> NDArray[np.bool_]:

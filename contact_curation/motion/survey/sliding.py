@@ -1,6 +1,6 @@
 """The friction of each toss, from how fast it slows down while it slides, without a contact model.
 
-A body that slides on a level board without turning slows down by mu g along its way, whatever its shape. A run of such frames
+A body that slides on a level board and hardly turns slows down by mu g along its way, whatever its shape. A run of such frames
 gives mu and, by how far speeds scatter about a line, its standard error; the runs of a toss are averaged. If the frictions of
 tosses scatter more than their errors explain, they differ: dust, a worn face, a board that is not alike everywhere. One
 coefficient then describes the mean of the tosses that it was learned from, and informative tosses may be far from it.
@@ -13,14 +13,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import Toss
 
 SLOWEST, FEWEST_FRAMES = 0.1, 8
 """A body slides if its centre is faster along the board than this [m/s], for so many frames in a row."""
 
-STEADY = 0.15
-"""Share of this speed that its vertical speed, and that of a corner by its spin, may have."""
+STEADY, YAWING = 0.15, 0.4
+"""Shares of this speed that its vertical speed and that of a corner by its tumbling may have, and that by its turning on the
+board, which hardly lessens the friction along the way: less than by a quarter of the share's square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +73,10 @@ def _of_toss(toss: Toss, radius: float, gravity: float) -> tuple[float, float] |
     """Mean friction of the runs of a toss, by their precision, and its standard error; None without one."""
     velocities = toss.linear_velocities
     speed = np.linalg.norm(velocities[:, :2], axis=1)
-    turning = radius * np.linalg.norm(toss.angular_velocities, axis=1)
-    steady = (speed > SLOWEST) & (np.abs(velocities[:, 2]) < STEADY * speed) & (turning < STEADY * speed)
+    spins = radius * quaternions.rotate(toss.orientations_wxyz, toss.angular_velocities)
+    tumbling, yawing = np.linalg.norm(spins[:, :2], axis=1), np.abs(spins[:, 2])
+    slides = (speed > SLOWEST) & (np.abs(velocities[:, 2]) < STEADY * speed)
+    steady = slides & (tumbling < STEADY * speed) & (yawing < YAWING * speed)
     seconds = 1e-9 * (toss.stamps_ns - toss.stamps_ns[0])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], steady, [False]])))
     runs = [_of_run(seconds[first:last], velocities[first:last, :2]) for first, last in _long(edges)]

@@ -101,6 +101,16 @@ def test_what_neither_judges_nor_was_learned_from_is_left_alone(
     assert cli("evaluate", out, folder, *QUICK, "--json").json["known"]["tosses"] == 3
 
 
+def test_where_nothing_was_held_out_tosses_that_it_did_not_learn_from_judge(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    out, some = tmp_path / "all.safetensors", [folder / f"{number}.pt" for number in range(5)]
+    assert cli("train", *some, "--out", out, "--steps", 1, "--held-out", "none").status == 0
+    done = cli("evaluate", out, folder, *QUICK, "--json")
+    assert done.json["chosen"] == f"{out} did not learn from them"
+    assert [row["toss_id"] for row in done.json["models"][0]["per_toss"]] == ["5", "6"]
+    assert done.json["known"]["tosses"] == 5
+    assert cli("evaluate", out, *some, *QUICK, "--json").json["tosses"] == 5
+
+
 def test_tosses_that_it_learned_from_are_no_judges_without_a_word(cli: Cli, folder: Path, checkpoint: Path) -> None:
     done = cli("evaluate", checkpoint, folder, *QUICK, "--held-out", "0,5")
     assert done.status == 0

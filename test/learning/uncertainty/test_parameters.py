@@ -16,6 +16,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.fits.polytope_fit import FitConfig, fit_polytope
 from contact_curation.learning.uncertainty.coverage import bootstrap_deviations, calibration, whole_hessian_deviations
 from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known, unit_sizes
+from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.storage.datasets.contactnets import read_contactnets
@@ -137,6 +138,19 @@ def test_the_deviation_to_quote_is_never_below_cramer_rao_and_the_interval_is_a_
     factors = column(found, "interval") / column(found, "deviation")
     np.testing.assert_allclose(factors, factors[0])
     assert factors[0] > 1.96
+
+
+def test_the_interval_of_a_friction_holds_that_of_sliding_bodies(
+    model: PolytopeModel, rows: Transitions, others: Transitions, found: Known
+) -> None:
+    sliding = Sliding(np.full(5, 0.25), np.full(5, 0.001))
+    for alone, both in zip(found.parameters, known(model, rows, others, CONFIG, sliding).parameters, strict=True):
+        if alone.name != "friction":
+            assert both == alone
+            continue
+        assert both.misfit == pytest.approx(abs(0.25 - alone.value) + 1.96 * sliding.median_error)
+        assert both.interval == pytest.approx(np.hypot(alone.interval, both.misfit))
+        assert both[:-2] == alone[:-2]
 
 
 def test_a_theta_that_was_not_fitted_to_the_tosses_is_told(rows: Transitions, others: Transitions) -> None:

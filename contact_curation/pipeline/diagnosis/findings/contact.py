@@ -7,6 +7,9 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.wording import counted_tosses
 
+FAR = 1.5
+"""How many times the described friction is that of sliding bodies, or the reverse, where tosses are scored at a wrong one."""
+
 
 def bounces(evidence: Evidence) -> Finding | None:
     """First impacts that leave the board faster than a body without restitution does."""
@@ -33,5 +36,8 @@ def friction(evidence: Evidence) -> Finding | None:
     found = evidence.sliding
     if found is None:
         return None
-    seen = f"{np.median(found.friction):.3f} (median of {counted_tosses(len(found.friction))} that slid)"
-    return Finding(Severity.FACT, f"sliding friction: {seen}, described {evidence.body.friction:g}")
+    slid, described = float(np.median(found.friction)), evidence.body.friction
+    line = f"sliding friction: {slid:.3f} (median of {counted_tosses(len(found.friction))} that slid), described {described:g}"
+    if max(slid, described) < FAR * min(slid, described):
+        return Finding(Severity.FACT, line)
+    return Finding(Severity.WARNING, line, f"describe it so: --friction {slid:.2g}")
