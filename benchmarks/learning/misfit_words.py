@@ -101,6 +101,9 @@ def main() -> int:
         recorded = bench.training + bench.held_out
         depth = impact_depth(recorded, bench.body) / bench.body.length_scale
         print(f"{name}: {depth:.3f} lengths deep; {softness_in_words(recorded, bench.body)}")
+        if slid := sliding_of(recorded, bench.body):
+            found = f"{slid.median:.3f}, of {len(slid.friction)} of {len(recorded)} tosses"
+            print(f"{name}: sliding friction {found}, relative standard deviation {slid.variation:.3f}")
         for draw in range(DRAWS):
             some = np.random.default_rng(draw).choice(len(bench.training), FITTED, replace=False).tolist()
             print(f"{name}: {rubbed(bench.body, [bench.training[place] for place in some], draw)}", flush=True)
