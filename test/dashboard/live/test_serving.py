@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -16,8 +17,9 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.dashboard.live.layout import live_layout, ranking_layout
 from contact_curation.dashboard.live.screen import Moment
-from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
-from contact_curation.errors import InvalidValueError
+from contact_curation.dashboard.live.serving import HERE, ServingConfig, close_screen, open_screen
+from contact_curation.dashboard.live.web_viewer import WebViewer
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from test.dashboard.recorded import Recorded
 from test.listeners import beyond_loopback, family, listeners_of
 
@@ -102,6 +104,25 @@ def test_the_page_ends_with_a_process_that_is_killed() -> None:
     while any(listens(port) for port in ports):
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+def test_of_two_that_start_at_one_port_at_the_same_moment_one_serves_the_page() -> None:
+    port = free_port()
+
+    def serve(_: int) -> WebViewer | ContactCurationError:
+        try:
+            return WebViewer(HERE, port, "rerun+http://127.0.0.1:1/proxy")
+        except ContactCurationError as error:
+            return error
+
+    with ThreadPoolExecutor(2) as threads:  # a page ends with the thread that started it
+        outcomes = list(threads.map(serve, range(2)))
+        (viewer,) = (one for one in outcomes if isinstance(one, WebViewer))
+        (refusal,) = (one for one in outcomes if not isinstance(one, WebViewer))
+        assert str(refusal) == f"rerun --serve-web: found status 1, expected a page at 127.0.0.1:{port}"
+        assert viewer.serves
+        viewer.close()
+        assert not viewer.serves
 
 
 @pytest.mark.parametrize("bind", ["localhost", "", "::1", "0"])
