@@ -30,7 +30,9 @@ LOOKS_FOR_A_TOPIC = 10
 """Number of looks at the graph for which a body that was heard on TF may still get a topic of its own."""
 
 MOST_CHILDREN = 64
-"""Largest number of frames that are remembered of a topic with poses of several bodies."""
+"""Largest number of frames that are remembered of a topic with poses of several bodies, and of its first messages that wait.
+
+They wait for a message that names the body's frame: then they are of other bodies, otherwise they are taken as the body's."""
 
 LOOKS_FOR_THE_RIG = 10
 """Number of looks at the graph for which poses wait for the rig's static transforms; a fast bag would be far ahead of them.
@@ -111,6 +113,7 @@ class PoseTopics:
         self._subscriptions: dict[str, tuple[Offer, Subscription]] = {}
         self._heard: set[str] = set()
         self._children: frozenset[str] = frozenset()
+        self._waiting: list[Measured] | None = []
         self._frames = {body, config.body_frame_of(body)}
         self._tf_listener: Subscription | None = None
         self._looks_on_tf = 0
@@ -191,20 +194,36 @@ class PoseTopics:
         """Reads a message; returns its topic, its time of publication [ns], and its poses.
 
         Call it on one thread, in the order in which messages came. Images may have waited for a CameraInfo; the poses that
-        follow from it count as published with the newest of these images. A CameraInfo itself is never ignored as known,
-        because it is needed again after a restart.
+        follow from it count as published with the newest of these images, as do poses that have waited for the body's frame
+        to be named. A CameraInfo itself is never ignored as known, because it is needed again after a restart.
         """
         if self.source is None:
             return received.topic, received.published_ns, ()
         topic, published_ns, message = received
-        if topic == self.source.body.name and self.source.has_children and len(self._children) < MOST_CHILDREN:
-            self._children |= {frame_name(message.child_frame_id)}  # another set: `follow` runs on another thread
-        measured = self.source.measured(topic, message, self._detections)
+        if topic == self.source.body.name and self.source.has_children:
+            measured = self._of_the_body(self.source, message)
+        else:
+            measured = self.source.measured(topic, message, self._detections)
         if self.source.camera is not None and topic == self.source.camera.name:
             return self.source.body.name, self._newest_pose_ns, measured
         if topic == self.source.body.name:
             self._newest_pose_ns = published_ns
         return topic, published_ns, measured
+
+    def _of_the_body(self, source: PoseSource, message: Any) -> tuple[Measured, ...]:
+        """The body's poses, where messages of its topic may be of several bodies."""
+        child = frame_name(message.child_frame_id)
+        if len(self._children) < MOST_CHILDREN:
+            self._children |= {child}  # another set: `follow` runs on another thread
+        measured = source.of_children(self._children).measured(source.body.name, message)
+        if self._waiting is None or source.is_own(child):
+            self._waiting = None
+            return measured
+        self._waiting += measured
+        if len(self._waiting) < MOST_CHILDREN:
+            return ()
+        waited, self._waiting = self._waiting, None
+        return tuple(waited)
 
     def _fitting(self) -> PoseSource:
         """The topics to use: the body's topic must exist, or the body be on TF; TF is always used.
