@@ -73,7 +73,7 @@ class WebViewer:
 
     def _wait(self, address: str, port: int) -> None:
         end = time.monotonic() + LONGEST_START
-        while not _listens(self._process.pid, port):
+        while not listens(self._process.pid, port):
             status = self._process.poll()
             if status is not None or time.monotonic() > end:
                 how = f"nothing for {LONGEST_START:g} s" if status is None else f"status {status}"
@@ -90,7 +90,7 @@ def _program() -> Path:
     return programs[0]
 
 
-def _listens(process: int, port: int) -> bool:
+def listens(process: int, port: int) -> bool:
     """Whether a process listens at a TCP port, as Linux says it: another one may answer there."""
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     sockets = {f"socket:[{row[9]}]" for row in rows if row[3] == LISTENS and int(row[1].rpartition(":")[2], 16) == port}

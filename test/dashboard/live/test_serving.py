@@ -15,6 +15,7 @@ from urllib.request import urlopen
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.dashboard.live import serving
 from contact_curation.dashboard.live.layout import live_layout, ranking_layout
 from contact_curation.dashboard.live.screen import Moment
 from contact_curation.dashboard.live.serving import HERE, ServingConfig, close_screen, open_screen
@@ -123,6 +124,20 @@ def test_of_two_that_start_at_one_port_at_the_same_moment_one_serves_the_page() 
         assert viewer.serves
         viewer.close()
         assert not viewer.serves
+
+
+def test_a_port_for_data_that_another_takes_at_the_same_moment_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = [str(free_port()), str(free_port())]
+    with subprocess.Popen([sys.executable, "-c", HOLDER, *ports], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "served\n"
+        monkeypatch.setattr(serving, "_check_port", lambda *_: None)  # it was free then
+        monkeypatch.setattr(serving, "LONGEST_BIND", 0.2)
+        config = ServingConfig(free_port(), int(ports[1]))
+        with pytest.raises(InvalidValueError, match=rf"grpc_port: found .*:{ports[1]} \(Address already in use\), expected a"):
+            open_screen(config, ranking_layout(CONTACTNETS_CUBE))
+        assert not listens(str(config.web_port))
+        holder.kill()
 
 
 @pytest.mark.parametrize("bind", ["localhost", "", "::1", "0"])
