@@ -193,6 +193,8 @@ class Dashboard(StageNode):
             **dropped,
             **self._warnings.counts,
         }
+        if self._screen.viewer is not None and not self._screen.viewer.serves:
+            return Health("the page's server has ended; start the dashboard again", values, warning=True)
         lost = sum(self._dropped.values())
         said = f"{lost} messages not shown" if lost else "everything is shown"
         missing = "" if self._session.tosses else awaited(self, "tosses", TOSSES.topic)

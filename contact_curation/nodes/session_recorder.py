@@ -8,21 +8,20 @@ read; the restarted recorder continues the same bag, and latched publishers send
 import sys
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.subscription import Subscription
 
 from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate
 from contact_curation.nodes.ros.message_definition import definition_text
-from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare
-from contact_curation.nodes.ros.qos import AS_OFFERED, offered, profile
+from contact_curation.nodes.ros.qos import Callback, FollowedTopic, Offer
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.storage.bags.records import OfferedQos, RawMessage
@@ -73,7 +72,7 @@ class SessionRecorder(StageNode):
         self._lost = self._known = 0
         self._bytes_in = self._bytes_out = 0  # each is changed by one thread only
         self._waiting: deque[tuple[RawMessage, OfferedQos]] = deque()
-        self._topics: dict[str, tuple[Heard, Subscription]] = {}
+        self._topics: dict[str, FollowedTopic] = {}
         self._left_out: set[tuple[str, str]] = set()
         self._bag: SessionBag | None = None
         self._worker = Worker(self.fail)
@@ -99,14 +98,14 @@ class SessionRecorder(StageNode):
                 continue
             for more in types[1:]:
                 self._leave_out(topic, more, f"found the types {', '.join(types)}, expected one")
+            if topic not in self._topics:
+                events = SubscriptionEventCallbacks(message_lost=self._missed)
+                listener = partial(self._listener, topic)
+                self._topics[topic] = FollowedTopic(self, topic, self._depth, listener, event_callbacks=events, raw=True)
             try:
-                heard = self._offered(topic, types[0])
+                self._topics[topic].follow(types[0])
             except MissingDependencyError as error:
                 self._leave_out(topic, types[0], str(error))
-                continue
-            known = self._topics.get(topic)
-            if heard is not None and (known is None or known[0] != heard):
-                self._subscribe(topic, heard)
 
     def _leave_out(self, topic: str, kind: str, why: str) -> None:
         """Logs once that a topic is not recorded."""
@@ -114,32 +113,11 @@ class SessionRecorder(StageNode):
             self._left_out.add((topic, kind))
             self._warnings.note("left out", f"{kind} on {topic}: {why}")
 
-    def _offered(self, topic: str, kind: str) -> Heard | None:
-        """Type and quality of service of a topic; None if its publishers have gone."""
-        offers = [info for info in self.get_publishers_info_by_topic(topic) if info.topic_type == kind]
-        if not offers:
-            return None
-        known = self._topics.get(topic)
-        schema = known[0].schema if known is not None and known[0].type == kind else definition_text(kind)
-        return Heard(kind, schema, str(offers[0].topic_type_hash), offered(info.qos_profile for info in offers))
-
-    def _subscribe(self, topic: str, heard: Heard) -> None:
-        if topic in self._topics:
-            self.destroy_subscription(self._topics[topic][1])
-
-        def on_message(data: bytes, info: Mapping[str, int]) -> None:
-            self._arrived(topic, heard, data, info)
-
-        subscription = self.create_subscription(
-            message_class(heard.type),
-            topic,
-            on_message,
-            profile(self._depth, reliable=heard.qos.reliable, latched=heard.qos.latched),
-            qos_overriding_options=AS_OFFERED,
-            event_callbacks=SubscriptionEventCallbacks(message_lost=self._missed),
-            raw=True,
-        )
-        self._topics[topic] = heard, subscription
+    def _listener(self, topic: str, offer: Offer) -> Callback:
+        offers = [info for info in self.get_publishers_info_by_topic(topic) if info.topic_type == offer.type]
+        type_hash = str(offers[0].topic_type_hash) if offers else ""
+        heard = Heard(offer.type, definition_text(offer.type), type_hash, offer.qos)
+        return partial(self._arrived, topic, heard)
 
     def _arrived(self, topic: str, heard: Heard, data: bytes, info: Mapping[str, int]) -> None:
         """Queues a message. One that was kept for late subscribers gets its time of publication, so that the order is right."""
@@ -176,17 +154,18 @@ class SessionRecorder(StageNode):
 
     def _health(self) -> Health:
         written = 0 if self._bag is None else self._bag.written
+        topics = sum(one.offer is not None for one in self._topics.values())
         values = {
             "written": written,
             "lost": self._lost,
             "known": self._known,
-            "topics": len(self._topics),
+            "topics": topics,
             "queue": len(self._waiting),
             "rate_hz": f"{self._received.per_second():.0f}",
             **self._warnings.counts,
         }
-        missing = "" if self._topics else "topics of the graph to record"
-        said = f"{written} messages of {len(self._topics)} topics, {self._lost} lost"
+        missing = "" if topics else "topics of the graph to record"
+        said = f"{written} messages of {topics} topics, {self._lost} lost"
         return Health(said, values, warning=self._lost > 0, waiting_for=missing)
 
 

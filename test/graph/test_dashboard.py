@@ -19,6 +19,7 @@ from test.graph.parts.graph import Graph
 from test.graph.parts.offline import tosses_of
 from test.graph.parts.processes import NodeProcess
 from test.graph.parts.storyteller import Storyteller, stamped
+from test.listeners import family
 
 LONG = 90.0
 NODES = ("pose_ingest", "fisher_scorer", "curator", "dashboard")
@@ -126,6 +127,22 @@ def test_a_flood_is_dropped_counted_and_shown_and_the_node_goes_on(graph: Graph)
     assert f"{FLOOD + 1 - lost} rejected" in written.texts("/session")[-1]
     assert f"behind: {lost} of toss_rejected" in written.texts("/health")[-1]
     assert "| dashboard | **warns** |" in written.texts("/health")[-1]
+
+
+@pytest.mark.slow
+def test_a_page_whose_server_has_ended_is_a_warning(graph: Graph) -> None:
+    diagnostics = graph.diagnostics()
+    node = graph.start("dashboard", web_port=free_port(), grpc_port=free_port())
+    graph.until(lambda: "dashboard at http" in node.log(), LONG, "the page")
+    _, server = family(node.pid)
+    os.kill(server, signal.SIGKILL)
+
+    def warned() -> bool:
+        reports = [status for array in diagnostics for status in array.status if node_of(status.name) == "/dashboard"]
+        return bool(reports) and "the page's server has ended" in reports[-1].message
+
+    graph.until(warned, LONG, "a warning")
+    assert node.stop() == 0, node.log()
 
 
 @pytest.mark.parametrize(

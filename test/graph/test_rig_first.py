@@ -21,6 +21,7 @@ LIVE = profile(10, reliable=True, latched=False)
 class Publisher(NamedTuple):
     topic_type: str
     qos_profile: QoSProfile
+    endpoint_gid: tuple[int, ...] = (1,)
 
 
 class GraphOf:

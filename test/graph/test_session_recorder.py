@@ -1,5 +1,7 @@
 """session_recorder hears all topics of a graph, whatever they are offered with, and a kill costs nothing that was latched."""
 
+import time
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +106,36 @@ def test_everything_is_recorded_and_a_kill_costs_nothing_that_was_latched(graph:
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(sent.schema, sent.type))
     assert store.hash_rihs01(sent.type) == sent.type_hash
+
+
+@pytest.mark.slow
+def test_a_publisher_with_another_quality_of_service_that_comes_and_goes_costs_no_message(graph: Graph) -> None:
+    bag, node = graph.folder / "session.mcap", graph.listener.node
+    truth = node.create_publisher(String, "truth", profile(1000, reliable=True, latched=False))
+    recorder = graph.start("session_recorder", bag=bag)
+    until(truth.get_subscription_count, LONG, "a subscriber")
+    others, sent = list[Any](), count()
+
+    def next_one() -> None:
+        truth.publish(String(data=str(next(sent))))
+        time.sleep(0.002)
+
+    def heard() -> bool:
+        next_one()
+        return bool(others[0].get_subscription_count())
+
+    others.append(node.create_publisher(String, "truth", profile(1000, reliable=False, latched=False)))
+    graph.until(heard, LONG, "a subscriber of the other publisher")
+    for _ in range(1500):  # longer than both subscriptions are there
+        next_one()
+    others[0].publish(String(data="other"))
+    node.destroy_publisher(others[0])
+    for _ in range(500):
+        next_one()
+    last = next(sent)
+    graph.until(lambda: len(recorded(bag, "/truth")) == last + 1, LONG, "all messages")
+    assert recorder.stop() == 0
+    assert [one.data for one in recorded(bag, "/truth") if one.data != "other"] == [str(number) for number in range(last)]
 
 
 def test_a_bag_that_is_no_mcap_is_refused_in_one_line(graph: Graph) -> None:

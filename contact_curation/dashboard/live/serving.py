@@ -3,7 +3,9 @@
 The data are served by gRPC, the viewer, which is a page and a program that run in the browser, over HTTP, both at `bind`.
 """
 
+import os
 import socket
+import time
 from dataclasses import dataclass
 from ipaddress import AddressValueError, IPv4Address
 from pathlib import Path
@@ -12,7 +14,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from contact_curation.dashboard.live.screen import Screen
-from contact_curation.dashboard.live.web_viewer import WebViewer
+from contact_curation.dashboard.live.web_viewer import POLL, WebViewer, listens
 from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
@@ -20,6 +22,9 @@ BLUEPRINT = ".rbl"
 """Ending of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
 
 HERE, ANYWHERE = "127.0.0.1", "0.0.0.0"
+LONGEST_BIND = 5.0
+"""[s]"""
+
 FLUSH_PERIOD = 0.5
 """[s] Rows wait so long for others of their entity: a viewer takes few long chunks faster than many short ones."""
 
@@ -95,6 +100,10 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
         )
         viewer = WebViewer(config.bind, config.web_port, config.data)
     stream.set_sinks(*sinks, default_blueprint=layout)
+    if viewer is not None and not _data_served(config.grpc_port):
+        viewer.close()
+        found = f"{config.bind}:{config.grpc_port} (Address already in use)"
+        raise InvalidValueError("grpc_port", found, "a free port of this machine")
     if config.recording is not None:
         layout.save(APPLICATION, config.recording.with_suffix(BLUEPRINT))
     return Screen(stream, viewer)
@@ -114,6 +123,14 @@ def _file_sink(path: Path, index: bool) -> rr.FileSink:
     except OSError as error:
         raise InvalidValueError("rrd", path, f"a path that can be written ({error.strerror})") from error
     return rr.FileSink(path, write_footer=index)
+
+
+def _data_served(port: int) -> bool:
+    """Whether this process serves data at the port soon; another one may have taken it since it was checked."""
+    end = time.monotonic() + LONGEST_BIND
+    while not (served := listens(os.getpid(), port)) and time.monotonic() < end:
+        time.sleep(POLL)
+    return served
 
 
 def _check_port(name: str, address: str, port: int) -> None:

@@ -7,7 +7,6 @@
 import ctypes
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,9 @@ from contact_curation.errors import ContactCurationError, MissingDependencyError
 
 SET_PARENT_DEATH_SIGNAL = 1
 """Of Linux's prctl."""
+
+LISTENS = "0A"
+"""State of a TCP socket (Linux's include/net/tcp_states.h)."""
 
 LONGEST_START = 30.0
 """[s]"""
@@ -59,6 +61,11 @@ class WebViewer:
             self.close()
             raise
 
+    @property
+    def serves(self) -> bool:
+        """Whether the program is running."""
+        return self._process.poll() is None
+
     def close(self) -> None:
         """Ends the program."""
         self._process.kill()  # it only reads
@@ -66,7 +73,7 @@ class WebViewer:
 
     def _wait(self, address: str, port: int) -> None:
         end = time.monotonic() + LONGEST_START
-        while not _answers(address, port):
+        while not listens(self._process.pid, port):
             status = self._process.poll()
             if status is not None or time.monotonic() > end:
                 how = f"nothing for {LONGEST_START:g} s" if status is None else f"status {status}"
@@ -83,12 +90,14 @@ def _program() -> Path:
     return programs[0]
 
 
-def _answers(address: str, port: int) -> bool:
+def listens(process: int, port: int) -> bool:
+    """Whether a process listens at a TCP port, as Linux says it: another one may answer there."""
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    sockets = {f"socket:[{row[9]}]" for row in rows if row[3] == LISTENS and int(row[1].rpartition(":")[2], 16) == port}
     try:
-        socket.create_connection((address, port), timeout=1.0).close()
-    except OSError:
+        return any(str(one.readlink()) in sockets for one in Path(f"/proc/{process}/fd").iterdir())
+    except OSError:  # it has closed one, or has ended
         return False
-    return True
 
 
 def become(parent: int, command: list[str]) -> NoReturn:

@@ -1,12 +1,12 @@
 """Finds the topics with a body's poses in the graph, and subscribes with the quality of service of their publishers.
 
-A reliable subscriber receives nothing from a best-effort publisher, and only a transient local subscriber receives earlier
-messages. So the publishers are checked repeatedly, and a topic whose publishers changed is subscribed to again. Messages that a
-publisher then sends a second time are recognised by their time of publication.
+The publishers are checked repeatedly. Messages that a transient local publisher sends again to a new subscription are
+recognised by their time of publication.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 from rclpy._rclpy_pybind11 import RCLError
@@ -17,9 +17,8 @@ from rclpy.subscription import Subscription
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.own_namespace import is_own
-from contact_curation.nodes.ros.qos import AS_OFFERED, offered, profile
+from contact_curation.nodes.ros.qos import AS_OFFERED, Callback, FollowedTopic, Offer, profile
 from contact_curation.stages.ingest import published_before
-from contact_curation.storage.bags.records import OfferedQos
 from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured, frame_name
 from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS
@@ -30,24 +29,14 @@ LOOKS_FOR_A_TOPIC = 10
 """Number of looks at the graph for which a body that was heard on TF may still get a topic of its own."""
 
 MOST_CHILDREN = 64
-"""Largest number of frames that are remembered of a topic with poses of several bodies."""
+"""Largest number of frames that are remembered of a topic with poses of several bodies, and of its first messages that wait.
+
+They wait for a message that names the body's frame: then they are of other bodies, otherwise they are taken as the body's."""
 
 LOOKS_FOR_THE_RIG = 10
 """Number of looks at the graph for which poses wait for the rig's static transforms; a fast bag would be far ahead of them.
 
 Discovery may find the publisher of the poses before that of the transforms, so they also wait if none was found yet."""
-
-
-class Offer(NamedTuple):
-    """Type and quality of service of a topic's publishers.
-
-    Attributes:
-        type: ROS type name.
-        qos: quality of service that all of them offer.
-    """
-
-    type: str
-    qos: OfferedQos
 
 
 class Received(NamedTuple):
@@ -108,9 +97,10 @@ class PoseTopics:
         self._newest: dict[str, int] = {}
         self._newest_pose_ns = 0
         self._arrived = arrived
-        self._subscriptions: dict[str, tuple[Offer, Subscription]] = {}
+        self._followed: dict[str, FollowedTopic] = {}
         self._heard: set[str] = set()
         self._children: frozenset[str] = frozenset()
+        self._waiting: list[Measured] | None = []
         self._frames = {body, config.body_frame_of(body)}
         self._tf_listener: Subscription | None = None
         self._looks_on_tf = 0
@@ -123,13 +113,14 @@ class PoseTopics:
     @property
     def offers(self) -> dict[str, Offer]:
         """The subscribed topics with their types and quality of service."""
-        return {topic: offer for topic, (offer, _) in self._subscriptions.items()}
+        return {topic: one.offer for topic, one in self._followed.items() if one.offer is not None}
 
     @property
     def has_publisher(self) -> bool:
         """Whether the body's topic is subscribed to and has a publisher of its type."""
-        topic = "" if self.source is None else self.source.body.name
-        return topic in self._subscriptions and self._offer(topic) is not None
+        if self.source is None or self.source.body.name not in self.offers:
+            return False
+        return self.source.body.type in self._published(self.source.body.name)
 
     def follow(self) -> None:
         """Looks at the graph and subscribes to topics that are new or have changed; cheap, to be called often."""
@@ -144,7 +135,7 @@ class PoseTopics:
             self._newest = self._past(self._found(source.body.name))
             self._newest_pose_ns = self._newest.get(source.body.name, 0)
             self._config = replace(self._config, topic=source.body.name)
-        elif not self._subscriptions:  # after `leave`: the clock may have been set back meanwhile
+        elif not self.offers:  # after `leave`: the clock may have been set back meanwhile
             self._newest = self._past(self._newest)
         self.source = source.of_children(self._children)
         rig = [one.name for one in self._rig if one.name in self.source.topics and one.name != self.source.body.name]
@@ -155,15 +146,9 @@ class PoseTopics:
 
     def leave(self) -> None:
         """Leaves the topics once all messages that have come are taken. `follow` subscribes again, and waits for no rig."""
-        for _, subscription in self._subscriptions.values():
-            for _ in range(self._depth):
-                with subscription.handle:
-                    waiting = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-                if waiting is None:
-                    break
-                subscription.callback(*waiting)
-            self._node.destroy_subscription(subscription)
-        self._subscriptions.clear()
+        for one in self._followed.values():
+            one.leave()
+        self._followed.clear()
         self._leave_tf()
         self._looks = LOOKS_FOR_THE_RIG
 
@@ -175,36 +160,52 @@ class PoseTopics:
         return past
 
     def _follow_topics(self, topics: Sequence[str]) -> None:
+        kinds = {one.name: one.type for one in (*self._rig, *(self.source.typed if self.source else ()))}
         for topic in topics:
-            offer = self._offer(topic)
-            known = self._subscriptions.get(topic)
-            if offer is not None and (known is None or known[0] != offer):
-                self._subscribe(topic, offer)
+            if topic not in self._followed:
+                self._followed[topic] = FollowedTopic(self._node, topic, self._depth, partial(self._listener, topic))
+            self._followed[topic].follow(kinds[topic])
 
     def _rig_is_known(self) -> bool:
         """Whether the static transforms were received, or their publishers keep none for late subscribers."""
-        if self._tf_static not in self._subscriptions:
+        if self._tf_static not in self.offers:
             return False
-        return self._tf_static in self._heard or not self._subscriptions[self._tf_static][0].qos.latched
+        return self._tf_static in self._heard or not self.offers[self._tf_static].qos.latched
 
     def read(self, received: Received) -> tuple[str, int, tuple[Measured, ...]]:
         """Reads a message; returns its topic, its time of publication [ns], and its poses.
 
         Call it on one thread, in the order in which messages came. Images may have waited for a CameraInfo; the poses that
-        follow from it count as published with the newest of these images. A CameraInfo itself is never ignored as known,
-        because it is needed again after a restart.
+        follow from it count as published with the newest of these images, as do poses that have waited for the body's frame
+        to be named. A CameraInfo itself is never ignored as known, because it is needed again after a restart.
         """
         if self.source is None:
             return received.topic, received.published_ns, ()
         topic, published_ns, message = received
-        if topic == self.source.body.name and self.source.has_children and len(self._children) < MOST_CHILDREN:
-            self._children |= {frame_name(message.child_frame_id)}  # another set: `follow` runs on another thread
-        measured = self.source.measured(topic, message, self._detections)
+        if topic == self.source.body.name and self.source.has_children:
+            measured = self._of_the_body(self.source, message)
+        else:
+            measured = self.source.measured(topic, message, self._detections)
         if self.source.camera is not None and topic == self.source.camera.name:
             return self.source.body.name, self._newest_pose_ns, measured
         if topic == self.source.body.name:
             self._newest_pose_ns = published_ns
         return topic, published_ns, measured
+
+    def _of_the_body(self, source: PoseSource, message: Any) -> tuple[Measured, ...]:
+        """The body's poses, where messages of its topic may be of several bodies."""
+        child = frame_name(message.child_frame_id)
+        if len(self._children) < MOST_CHILDREN:
+            self._children |= {child}  # another set: `follow` runs on another thread
+        measured = source.of_children(self._children).measured(source.body.name, message)
+        if self._waiting is None or source.is_own(child):
+            self._waiting = None
+            return measured
+        self._waiting += measured
+        if len(self._waiting) < MOST_CHILDREN:
+            return ()
+        waited, self._waiting = self._waiting, None
+        return tuple(waited)
 
     def _fitting(self) -> PoseSource:
         """The topics to use: the body's topic must exist, or the body be on TF; TF is always used.
@@ -256,15 +257,7 @@ class PoseTopics:
             self._node.destroy_subscription(self._tf_listener)
             self._tf_listener = None
 
-    def _offer(self, topic: str) -> Offer | None:
-        """Type and quality of service of a topic's publishers; None while there is none of the right type."""
-        wanted = {one.name: one.type for one in (*self._rig, *(self.source.typed if self.source else ()))}[topic]
-        profiles = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic) if info.topic_type == wanted]
-        if not profiles:
-            return None
-        return Offer(wanted, offered(profiles))
-
-    def _subscribe(self, topic: str, offer: Offer) -> None:
+    def _listener(self, topic: str, _: Offer) -> Callback:
         after_ns = self._newest.get(topic, 0)
 
         def on_message(message: Any, info: Mapping[str, int]) -> None:
@@ -276,13 +269,7 @@ class PoseTopics:
             self._newest[topic] = published_ns
             self._arrived(Received(topic, published_ns, message))
 
-        if topic in self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions[topic][1])
-        qos = profile(self._depth, reliable=offer.qos.reliable, latched=offer.qos.latched)
-        subscription = self._node.create_subscription(
-            message_class(offer.type), topic, on_message, qos, qos_overriding_options=AS_OFFERED
-        )
-        self._subscriptions[topic] = offer, subscription
+        return on_message
 
 
 def _resolved(node: Node, parameter: str, topic: str) -> str:

@@ -1,11 +1,13 @@
 """What an arm, its controller and the tracker say, and what of it keeps the arm from moving, in one line each.
 
 Times are seconds of one clock, that of the stamps. A stamp that is ahead of this clock is as bad as one that is old: with it,
-joint states that stop would be noticed late. What is heard may come from any thread.
+joint states that stop would be noticed late. One such stamp among sound ones is left out. What is heard may come from any
+thread.
 """
 
 from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -40,13 +42,14 @@ class ArmSignals:
 
     def joints_seen(self, stamp: float, positions: Array) -> None:
         """Takes a joint state: positions (J,) [rad], in the order of the limits; one that is not finite counts as none."""
-        if np.isfinite(positions).all() and (not self._joints or stamp > self._joints[-1][0]):
-            self._joints.append((stamp, np.asarray(positions, dtype=float)))
+        if np.isfinite(positions).all():
+            state = stamp, np.asarray(positions, dtype=float)
+            self._joints = _with(self._joints, state, self._now(), self._config.oldest_state)
 
     def body_seen(self, stamp: float, position: Array, orientation_wxyz: Array) -> None:
         """Takes a tracked pose of the body on the board."""
-        if not self._poses or stamp > self._poses[-1][0]:
-            self._poses.append((stamp, np.asarray(position), np.asarray(orientation_wxyz)))
+        pose = stamp, np.asarray(position), np.asarray(orientation_wxyz)
+        self._poses = _with(self._poses, pose, self._now(), self._config.oldest_signal)
 
     def scaling_seen(self, share: float) -> None:
         """Takes the speed scaling, 1 for full speed."""
@@ -95,7 +98,7 @@ class ArmSignals:
             found.append("joint states: found none, expected the arm's joints; compare the arm's file with their names")
         else:
             found += _stale("joint states: found the last one", now - self._joints[-1][0], config.oldest_state)
-        if config.controller_state and (self._active is None or now - self._active > config.oldest_signal):
+        if config.controller_state and (self._active is None or abs(now - self._active) > config.oldest_signal):
             found.append("controller: found no state of it, expected an active one; activate it")
         if config.speed_scaling:
             found += self._slowed(now)
@@ -123,11 +126,26 @@ class ArmSignals:
         return [f"{line}; bring the arm home, by hand or by ~/home"]
 
     def _slowed(self, now: float) -> list[str]:
-        if self._scaling is None or now - self._scaling[0] > self._config.oldest_signal:
+        if self._scaling is None or abs(now - self._scaling[0]) > self._config.oldest_signal:
             return ["speed scaling: found none, expected 100 %; set trajectory.speed_scaling to false if the arm reports none"]
         if abs(self._scaling[1] - 1.0) <= FULL_SPEED:
             return []
         return [f"speed scaling: found {100.0 * self._scaling[1]:.0f} %, expected 100 %; move the slider to its end"]
+
+
+def _with[Signal: tuple[Any, ...]](known: deque[Signal], one: Signal, now: float, oldest: float) -> deque[Signal]:
+    """What is known, oldest first, and one more signal, which begins with its stamp [s].
+
+    A signal that is ahead of the clock by more than `oldest` is left out while sound ones come. Those that are known give way
+    to a sound one: they were stray, or the clock has been set back.
+    """
+    sound = one[0] <= now + oldest
+    if sound and known and known[-1][0] > now + oldest:
+        return deque([*(each for each in known if each[0] < one[0]), one], KEPT)  # at once, for other threads
+    fresh = known and abs(now - known[-1][0]) <= oldest
+    if not known or (one[0] > known[-1][0] and (sound or not fresh)):
+        known.append(one)
+    return known
 
 
 def _stale(what: str, age: float, oldest: float) -> list[str]:

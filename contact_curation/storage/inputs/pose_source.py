@@ -144,9 +144,13 @@ class PoseSource:
     def _own_names(self) -> frozenset[str]:
         return frozenset((self.body_frame, self.body_frame.removeprefix(BODY_PREFIX)))
 
+    def is_own(self, child: str) -> bool:
+        """Whether a frame that messages of the body's topic are of (`child_frame_id`) is the body's."""
+        return frame_name(child) in self._own_names
+
     def _is_of_another(self, child: str) -> bool:
         """Whether a message of the body's topic is of another body: then some are of this one."""
-        return bool(self.children & self._own_names) and frame_name(child) not in self._own_names
+        return bool(self.children & self._own_names) and not self.is_own(child)
 
     @property
     def typed(self) -> tuple[TypedTopic, ...]:

@@ -8,16 +8,19 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from urllib.request import urlopen
 
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.dashboard.live import serving
 from contact_curation.dashboard.live.layout import live_layout, ranking_layout
 from contact_curation.dashboard.live.screen import Moment
-from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
-from contact_curation.errors import InvalidValueError
+from contact_curation.dashboard.live.serving import HERE, ServingConfig, close_screen, open_screen
+from contact_curation.dashboard.live.web_viewer import WebViewer
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from test.dashboard.recorded import Recorded
 from test.listeners import beyond_loopback, family, listeners_of
 
@@ -102,6 +105,39 @@ def test_the_page_ends_with_a_process_that_is_killed() -> None:
     while any(listens(port) for port in ports):
         assert time.monotonic() < end
         time.sleep(0.05)
+
+
+def test_of_two_that_start_at_one_port_at_the_same_moment_one_serves_the_page() -> None:
+    port = free_port()
+
+    def serve(_: int) -> WebViewer | ContactCurationError:
+        try:
+            return WebViewer(HERE, port, "rerun+http://127.0.0.1:1/proxy")
+        except ContactCurationError as error:
+            return error
+
+    with ThreadPoolExecutor(2) as threads:  # a page ends with the thread that started it
+        outcomes = list(threads.map(serve, range(2)))
+        (viewer,) = (one for one in outcomes if isinstance(one, WebViewer))
+        (refusal,) = (one for one in outcomes if not isinstance(one, WebViewer))
+        assert str(refusal) == f"rerun --serve-web: found status 1, expected a page at 127.0.0.1:{port}"
+        assert viewer.serves
+        viewer.close()
+        assert not viewer.serves
+
+
+def test_a_port_for_data_that_another_takes_at_the_same_moment_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    ports = [str(free_port()), str(free_port())]
+    with subprocess.Popen([sys.executable, "-c", HOLDER, *ports], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "served\n"
+        monkeypatch.setattr(serving, "_check_port", lambda *_: None)  # it was free then
+        monkeypatch.setattr(serving, "LONGEST_BIND", 0.2)
+        config = ServingConfig(free_port(), int(ports[1]))
+        with pytest.raises(InvalidValueError, match=rf"grpc_port: found .*:{ports[1]} \(Address already in use\), expected a"):
+            open_screen(config, ranking_layout(CONTACTNETS_CUBE))
+        assert not listens(str(config.web_port))
+        holder.kill()
 
 
 @pytest.mark.parametrize("bind", ["localhost", "", "::1", "0"])
