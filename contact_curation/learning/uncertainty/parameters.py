@@ -74,6 +74,7 @@ class KnownConfig:
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidValueError(f"known.{name}", getattr(self, name), "a positive number")
 
+
 NORMAL_95 = 1.96
 
 
