@@ -1,7 +1,9 @@
 """`import contact_curation as cc`: the examples of its documentation run, and its digits are those of the commands."""
 
+import copy
 import doctest
 import json
+import pickle
 import shutil
 import subprocess
 import sys
@@ -363,6 +365,13 @@ def test_a_ranking_is_a_table_and_a_figure(ranking: cc.RankedTosses, tmp_path: P
     monkeypatch.setattr(ranked, "find_spec", lambda name: None)
     with pytest.raises(MissingDependencyError, match="pip install pandas"):
         ranking.to_pandas()
+
+
+def test_a_ranking_is_pickled_and_copied(ranking: cc.RankedTosses) -> None:
+    for again in (pickle.loads(pickle.dumps(ranking)), copy.deepcopy(ranking)):
+        assert again.manifest == ranking.manifest
+        assert [toss.digest() for toss in again.selected] == [toss.digest() for toss in ranking.selected]
+        assert again.plot().axes
 
 
 def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ranking: cc.RankedTosses) -> None:
