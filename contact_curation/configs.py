@@ -6,10 +6,11 @@ A field is described once, in its class's docstring; the options of commands and
 import dataclasses
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
-from math import isfinite
+from math import inf, isfinite
+from numbers import Integral
 from pathlib import Path
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -23,6 +24,34 @@ _BOOLEANS = {"true": True, "false": False}
 def ranged(default: Any, least: float, most: float) -> Any:
     """A dataclass field whose ROS parameter takes numbers from `least` to `most`; the class itself may accept fewer."""
     return dataclasses.field(default=default, metadata={"range": (least, most)})
+
+
+def whole_number(name: str, value: object, least: int = 0, most: float = inf) -> int:
+    """The whole number from `least` to `most` that a value is; NumPy's are whole numbers, too, and truth values are none.
+
+    Raises:
+        InvalidValueError: it is another value; the message begins with `name`.
+    """
+    if type(value) is bool or not isinstance(value, Integral) or not least <= int(value) <= most:
+        bounds = f"of at least {least}" if most == inf else f"from {least} to {most}"
+        raise InvalidValueError(name, repr(value) if isinstance(value, str) else value, f"a whole number {bounds}")
+    return int(value)
+
+
+def set_whole_numbers(config: object, names: Iterable[str], least: int = 0, most: float = inf, prefix: str = "") -> None:
+    """Checks fields of a frozen config in its `__post_init__` and makes them Python's whole numbers, as `whole_number` does.
+
+    Args:
+        config: itself.
+        names: of the fields.
+        least, most: accepted numbers.
+        prefix: stands before the names in messages.
+
+    Raises:
+        InvalidValueError: as of `whole_number`.
+    """
+    for name in names:
+        object.__setattr__(config, name, whole_number(prefix + name, getattr(config, name), least, most))
 
 
 class ConfigField(NamedTuple):

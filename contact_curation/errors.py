@@ -73,16 +73,16 @@ def near_name(name: str, known: Iterable[str]) -> str:
 class UnknownNameError(InvalidValueError):
     """A key, a field or an option that does not exist; the message names the nearest one that does."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+    def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
         """Builds the message "unknown KIND NAME: did you mean OTHER?".
 
         Args:
             kind: what the name is of, such as "key" or "field".
-            name: as its user wrote it.
+            name: as its user wrote it, perhaps no text.
             known: the names that are accepted.
         """
-        ContactCurationError.__init__(self, f"unknown {kind} {name}: {did_you_mean(name, known)}")
-        self.name = name
+        ContactCurationError.__init__(self, f"unknown {kind} {name}: {did_you_mean(str(name), known)}")
+        self.name = str(name)
 
 
 class UnreadableInputError(ContactCurationError):

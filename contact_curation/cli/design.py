@@ -122,7 +122,7 @@ def run(arguments: argparse.Namespace) -> int:
     task = replace(task, known=known, examples=examples)
     with Progress("designing", "simulated throws", task.simulations(arguments.throws)) as progress:
         throws = design_throws(task, arguments.throws, progress.advance)
-    throws.save(arguments.out)
+    throws.save(arguments.out, overwrite=True)  # was checked before the work
     if arguments.json:
         print_json({"out": str(arguments.out), **throws.document(), "warnings": warnings})
     else:

@@ -88,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     warn(tosses.warnings)
     found = evaluate_models(models, tosses, config, replace(stages["known"], loss=stages["loss"]), Progress, arguments.more)
     if arguments.figure:
-        found.save_figure(arguments.figure)
+        found.save_figure(arguments.figure, overwrite=True)  # was checked before the work
     if arguments.json:
         print_json({**found.document(), "figure": str(arguments.figure) if arguments.figure else None})
     else:

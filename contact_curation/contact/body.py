@@ -14,8 +14,15 @@ from contact_curation.contact.body_description import (
     BodyOptions,
     read_description,
 )
-from contact_curation.contact.body_values import STANDARD_GRAVITY, body_of_mapping, check_values, symmetric_inertia
+from contact_curation.contact.body_values import (
+    STANDARD_GRAVITY,
+    body_of_mapping,
+    check_values,
+    checked_place,
+    symmetric_inertia,
+)
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.geometry.numbers import frozen, number, numbers
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 
@@ -46,8 +53,10 @@ class Body:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", Polytope(self.vertices).vertices)
-        object.__setattr__(self, "inertia", symmetric_inertia(np.asarray(self.inertia, dtype=float)))
-        object.__setattr__(self, "center_of_mass", np.asarray(self.center_of_mass, dtype=float))
+        object.__setattr__(self, "inertia", frozen(symmetric_inertia(numbers("inertia", self.inertia))))
+        object.__setattr__(self, "center_of_mass", numbers("center_of_mass", self.center_of_mass))
+        for name in ("mass", "friction", "length_scale", "gravity"):
+            object.__setattr__(self, name, number(name, getattr(self, name)))
         check_values(vars(self))
 
     @cached_property
@@ -57,7 +66,7 @@ class Body:
 
     def about(self, center_of_mass: ArrayLike) -> "Body":
         """The same shape with its centre of mass (3,) elsewhere in the frame that a tracker follows [m]."""
-        center = np.asarray(center_of_mass, dtype=float)
+        center = checked_place("center_of_mass", center_of_mass)
         return replace(self, vertices=self.vertices + self.center_of_mass - center, center_of_mass=center)
 
     @property

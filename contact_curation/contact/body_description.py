@@ -22,14 +22,13 @@ from contact_curation.contact.body_values import (
     body_of_mapping,
     check_keys,
     check_values,
-    number,
-    numbers,
     symmetric_inertia,
     text,
 )
 from contact_curation.contact.plausibility import BodyNumbers, derived_scale, implausible
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, read_yaml
+from contact_curation.geometry.numbers import number, numbers
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids.link import Link
 from contact_curation.geometry.solids.mass_properties import MassProperties, of_hull
@@ -195,9 +194,9 @@ def _referred(path: Path, content: Mapping[str, Any], options: BodyOptions) -> B
     if file.suffix.lower() not in READERS:
         raise InvalidValueError(named[0], content[named[0]], f"a file ending in {', '.join(READERS)}")
     scalars = ("mass", "density", "friction", "length_scale", "scale", "gravity")
-    told: dict[str, Any] = {name: number(content, name) for name in scalars if name in content}
+    told: dict[str, Any] = {name: number(name, content[name]) for name in scalars if name in content}
     told.update({name: text(content, name) for name in ("name", "link") if name in content})
-    told.update({name: numbers(content, name) for name in ("inertia", "center_of_mass") if name in content})
+    told.update({name: numbers(name, content[name]) for name in ("inertia", "center_of_mass") if name in content})
     options = options.over(BodyOptions(**told))
     return _completed(path, READERS[file.suffix.lower()](file, options), options)
 
@@ -279,7 +278,7 @@ def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> Bod
     if "length_scale" not in stated:
         told["length_scale"] = derived_scale(of_hull(told["vertices"]).mass)
     if options.mass is not None and "mass" in content:
-        told["inertia"] = told["inertia"] * (options.mass / number(content, "mass"))
+        told["inertia"] = told["inertia"] * (options.mass / number("mass", content["mass"]))
     vertices = told.pop("vertices")
     if options.center_of_mass is not None:
         vertices = vertices + told["center_of_mass"] - options.center_of_mass

@@ -12,6 +12,7 @@ import numpy as np
 
 from contact_curation.contact.plausibility import derived_scale
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnknownNameError
+from contact_curation.geometry.numbers import number, numbers, shortened
 from contact_curation.geometry.polytopes import Polytope, box, checked_corners
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids.mass_properties import of_hull
@@ -51,7 +52,7 @@ def body_of_mapping(content: Mapping[str, Any]) -> dict[str, Any]:
         raise InvalidValueError("half_extents", "both they and vertices", "one of both")
     if not given:
         raise InvalidValueError("missing key", "no shape", f"{', '.join(SHAPES)}, {', '.join(GEOMETRIES)}: one of them")
-    vertices = box(_half_extents(content)).vertices if given == ["half_extents"] else numbers(content, "vertices")
+    vertices = box(_half_extents(content)).vertices if given == ["half_extents"] else numbers("vertices", content["vertices"])
     if np.abs(vertices).max(initial=0.0) > LARGEST:
         raise InvalidValueError("vertices", f"{np.abs(vertices).max():.3g}", f"metres, at most {LARGEST:g}")
     if len(Polytope(vertices).vertices) <= MAX_CONTACTS:
@@ -62,10 +63,10 @@ def body_of_mapping(content: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": str(content["name"]),
         "vertices": vertices,
-        "inertia": symmetric_inertia(numbers(content, "inertia")),
-        **{key: number(content, key) for key in ("mass", "friction", "length_scale")},
-        "gravity": number(content, "gravity") if "gravity" in content else STANDARD_GRAVITY,
-        "center_of_mass": numbers(content, "center_of_mass") if "center_of_mass" in content else np.zeros(3),
+        "inertia": symmetric_inertia(numbers("inertia", content["inertia"])),
+        **{key: number(key, content[key]) for key in ("mass", "friction", "length_scale")},
+        "gravity": number("gravity", content["gravity"]) if "gravity" in content else STANDARD_GRAVITY,
+        "center_of_mass": numbers("center_of_mass", content["center_of_mass"]) if "center_of_mass" in content else np.zeros(3),
     }
 
 
@@ -83,15 +84,15 @@ def _example(key: str, content: Mapping[str, Any], vertices: Array) -> str:
     if key == "length_scale":
         return f"{derived_scale(hull.mass):.3g}"
     if key == "inertia":
-        mass = number(content, "mass") if "mass" in content else LIKELY_DENSITY * hull.mass
+        mass = number("mass", content["mass"]) if "mass" in content else LIKELY_DENSITY * hull.mass
         return "[" + ", ".join(f"{value:.3g}" for value in np.diag(hull.inertia) * mass / hull.mass) + "]"
     return {"name": "brick", "mass": f"{LIKELY_DENSITY * hull.mass:.2g}", "friction": "0.3"}[key]
 
 
 def _half_extents(content: Mapping[str, Any]) -> Array:
-    half = numbers(content, "half_extents")
+    half = numbers("half_extents", content["half_extents"])
     if half.shape != (3,) or not (np.isfinite(half).all() and half.min() > 0.0):
-        raise InvalidValueError("half_extents", _shortened(content["half_extents"]), "3 positive numbers [m]")
+        raise InvalidValueError("half_extents", shortened(content["half_extents"]), "3 positive numbers [m]")
     return half
 
 
@@ -109,7 +110,7 @@ def check_values(values: Mapping[str, Any]) -> None:
     Raises:
         InvalidValueError: a number that is not positive or not finite, or moments that no body has.
     """
-    if not NAME.fullmatch(values["name"]):
+    if not (isinstance(values["name"], str) and NAME.fullmatch(values["name"])):
         expected = "letters, digits and single underscores, as in topics"
         raise InvalidValueError("name of the body", repr(values["name"]), expected)
     for name in ("mass", "length_scale", "gravity"):
@@ -122,9 +123,15 @@ def check_values(values: Mapping[str, Any]) -> None:
         raise InvalidValueError("inertia", f"moments {moments}", "positive ones [kg m^2]")
     if moments[0] + moments[1] < moments[2] * (1.0 - ROUNDING):
         raise InvalidValueError("inertia", f"moments {moments}", "none larger than the sum of the other two [kg m^2]")
-    center = values["center_of_mass"]
-    if np.shape(center) != (3,) or not np.isfinite(center).all():
-        raise InvalidValueError("center_of_mass", center, "3 finite numbers [m]")
+    checked_place("center_of_mass", values["center_of_mass"])
+
+
+def checked_place(name: str, value: Any) -> Array:
+    """(3,) a place in metres; InvalidValueError where it is something else."""
+    place = numbers(name, value)
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise InvalidValueError(name, place, "3 finite numbers [m]")
+    return place
 
 
 def check_keys(content: Mapping[str, Any], known: tuple[str, ...]) -> None:
@@ -151,45 +158,8 @@ def symmetric_inertia(inertia: Array) -> Array:
     return inertia
 
 
-def numbers(content: Mapping[str, Any], key: str) -> Array:
-    """The numbers under a key; truth values and dates are none.
-
-    Raises:
-        InvalidValueError: something else, rows of different lengths, or a number that no computer holds.
-    """
-    value = content[key]
-    try:
-        if has_other(value):
-            raise ValueError
-        return np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InvalidValueError(key, _shortened(value), "numbers") from error
-    except OverflowError as error:
-        raise InvalidValueError(key, "an integer of over 300 digits", "numbers") from error
-
-
-def number(content: Mapping[str, Any], key: str) -> float:
-    """The one number under a key; the rest as of `numbers`."""
-    found = numbers(content, key)
-    if found.shape != ():
-        raise InvalidValueError(key, _shortened(content[key]), "one number")
-    return float(found)
-
-
 def text(content: Mapping[str, Any], key: str) -> str:
     """The text under a key; InvalidValueError where it is something else."""
     if not isinstance(content[key], str) or not content[key]:
-        raise InvalidValueError(key, _shortened(content[key]), "a text")
+        raise InvalidValueError(key, shortened(content[key]), "a text")
     return str(content[key])
-
-
-def has_other(value: Any) -> bool:
-    """Whether there is a truth value or a mapping somewhere in nested lists."""
-    if isinstance(value, list | tuple):
-        return any(map(has_other, value))
-    return isinstance(value, bool | Mapping)
-
-
-def _shortened(value: Any) -> str:
-    shown = str(value)
-    return shown if len(shown) <= 60 else f"{shown[:57]}..."

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
+from contact_curation.geometry.numbers import numbers
 from contact_curation.geometry.quaternions import Array
 
 SMALLEST_CORNER = 1e-6
@@ -29,7 +30,7 @@ class Polytope:
     vertices: Array
 
     def __post_init__(self) -> None:
-        vertices = np.asarray(self.vertices, dtype=float)
+        vertices = numbers("vertices", self.vertices)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.shape[0] < 4:
             raise InvalidValueError("vertices", f"shape {vertices.shape}", "(V, 3) with V >= 4")
         if not np.isfinite(vertices).all():

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.numbers import frozen, number, numbers, shortened
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
 from contact_curation.geometry.quaternions import Array
 
@@ -52,18 +53,23 @@ class Toss:
     angular_velocities: Array
 
     def __post_init__(self) -> None:
-        stamps = np.ascontiguousarray(self.stamps_ns, dtype=np.int64)
+        for name in ("toss_id", "body"):
+            if not isinstance(getattr(self, name), str) or len(getattr(self, name).splitlines()) != 1:
+                raise InvalidValueError(name, repr(getattr(self, name)), "a text of one line")
+        stamps = _stamps(self.stamps_ns)
         frames = stamps.size
         if stamps.ndim != 1 or frames < 2:
             raise InvalidValueError("toss stamps", f"shape {stamps.shape}", "(T,) with T >= 2")
         if not np.all(np.diff(stamps) > 0):
             raise InvalidValueError("toss stamps", "stamps that stand still or go back", "strictly increasing stamps")
-        if not (np.isfinite(self.frame_period) and self.frame_period > 0.0):
-            raise InvalidValueError("frame_period", self.frame_period, "a positive number of seconds")
+        period = number("frame_period", self.frame_period)
+        if not (np.isfinite(period) and period > 0.0):
+            raise InvalidValueError("frame_period", period, "a positive number of seconds")
+        object.__setattr__(self, "frame_period", period)
         object.__setattr__(self, "stamps_ns", stamps)
         widths = {"positions": 3, "orientations_wxyz": 4, "linear_velocities": 3, "angular_velocities": 3}
         for name, width in widths.items():
-            value = np.ascontiguousarray(getattr(self, name), dtype=float)
+            value = numbers(f"toss {name}", getattr(self, name))
             if value.shape != (frames, width):
                 raise InvalidValueError(f"toss {name}", f"shape {value.shape}", f"({frames}, {width})")
             if not np.isfinite(value).all():
@@ -93,6 +99,19 @@ class Toss:
             value = getattr(self, field.name)
             state.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
         return state.hexdigest()
+
+
+def _stamps(value: object) -> NDArray[np.int64]:
+    """A copy of stamps that cannot be written to; InvalidValueError where a number is not whole or has over 63 bits."""
+    try:
+        given = np.asarray(value)
+        with np.errstate(invalid="ignore"):
+            stamps = frozen(given.astype(np.int64))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidValueError("toss stamps", shortened(value), "whole numbers of nanoseconds") from error
+    if not np.array_equal(stamps, given):
+        raise InvalidValueError("toss stamps", shortened(value), "whole numbers of nanoseconds below 2^63")
+    return stamps
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,12 @@
 """The functions of `import contact_curation as cc`; defaults and results are those of the commands, to the last digit."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from contact_curation.configs import whole_number
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
@@ -16,9 +17,9 @@ from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
-from contact_curation.pipeline.carried_body import ASSUMED, carried_body
+from contact_curation.pipeline.carried_body import ASSUMED, CarriedBody, GivenBody, body_of, carried_body, path_of
 from contact_curation.pipeline.diagnosis import MOST_MESSAGES, Diagnosis, diagnose
-from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
+from contact_curation.pipeline.division import DivisionConfig, HeldOut, held_out_rule, learning_tosses
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig
@@ -31,13 +32,17 @@ from contact_curation.pipeline.workers import Progress, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.throws_file import MOST_THROWS
 
 if TYPE_CHECKING:  # torch takes over a second to import, which reading and ranking polytopes do without
     from contact_curation.pipeline.design import DesignedThrows
     from contact_curation.pipeline.evaluated import Evaluation
-    from contact_curation.pipeline.learned_model import LearnedModel
+    from contact_curation.pipeline.learned_model import GivenModel, LearnedModel
 
 NO_BODY = f"no body given: assuming {ASSUMED}"
+
+HELD_OUT = "held_out"
+"""The parameter, for messages."""
 
 RANKING, SCORING = RankingConfig(), ScoringConfig()
 """The defaults."""
@@ -46,7 +51,7 @@ RANKING, SCORING = RankingConfig(), ScoringConfig()
 @says_what_to_install
 def read(
     inputs: Inputs,
-    body: Body | None = None,
+    body: GivenBody | None = None,
     *,
     config: InputsConfig | None = None,
     jobs: int = 1,
@@ -57,7 +62,7 @@ def read(
     Args:
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
             them; several of those; or a pattern such as ``"bags/*.mcap"``.
-        body: the tossed object; None assumes ContactNets' cube, with a warning.
+        body: the tossed object, or its file; None assumes ContactNets' cube, with a warning.
         config: topics, rules of segmenting, quality checks, calibration of the rig; None for the defaults.
         jobs: number of recordings that are read at the same time, each in a process.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
@@ -79,15 +84,15 @@ def read(
         'displacement beside the velocity'
     """
     with progress("reading", "tosses") as bar:
-        reading = ReadingConfig(body or CONTACTNETS_CUBE, config or InputsConfig())
+        reading = ReadingConfig(CONTACTNETS_CUBE if body is None else body_of(body), config or InputsConfig())
         found = read_tosses(input_paths(inputs), reading, jobs, bar.advance)
-    return found if body else replace(found, warnings=(NO_BODY, *found.warnings))
+    return found if body is not None else replace(found, warnings=(NO_BODY, *found.warnings))
 
 
 @says_what_to_install
 def check(
     inputs: Inputs,
-    body: Body | None = None,
+    body: GivenBody | None = None,
     *,
     config: InputsConfig | None = None,
     most_messages: int = MOST_MESSAGES,
@@ -97,7 +102,7 @@ def check(
 
     Args:
         inputs: as in `read`.
-        body: the tossed object; None assumes ContactNets' cube, which is a warning.
+        body: the tossed object, or its file; None assumes ContactNets' cube, which is a warning.
         config: topics, rules of segmenting, quality checks, calibration of the rig; None for the defaults.
         most_messages: largest number of messages of pose topics that are read, the first ones of each recording.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
@@ -116,16 +121,16 @@ def check(
     """
     paths = input_paths(inputs)
     with progress("checking", "recordings", len(paths)) as bar:
-        reading = ReadingConfig(body or CONTACTNETS_CUBE, config or InputsConfig())
+        reading = ReadingConfig(CONTACTNETS_CUBE if body is None else body_of(body), config or InputsConfig())
         found = diagnose(paths, reading, most_messages=most_messages, advance=bar.advance)
-    return found if body else replace(found, warnings=(NO_BODY,))
+    return found if body is not None else replace(found, warnings=(NO_BODY,))
 
 
 def score(
     tosses: Tosses | Inputs,
     *,
-    body: Body | None = None,
-    model: "LearnedModel | str | PathLike[str] | None" = None,
+    body: GivenBody | None = None,
+    model: "GivenModel | None" = None,
     estimator: str = SCORING.estimator.value,
     device: str = CPU,
 ) -> TossScores:
@@ -133,7 +138,8 @@ def score(
 
     Args:
         tosses: tosses from `read`, or inputs as for `read`.
-        body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
+        body: the tossed object, or its file, if `tosses` are recordings; None for the model's body or, without a model,
+            ContactNets' cube.
         model: the model with whose parameters theta the tosses are scored, or its file; None for the body as described.
         estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
         device: where networks are evaluated: ``cpu``, ``cuda`` or ``cuda:N``.
@@ -153,7 +159,7 @@ def score(
         (28, 99)
     """
     place = Device(device)
-    found = _tosses(tosses, _body(body, model)).check_some("no toss to score")
+    found = _tosses(tosses, _body(body, model, tosses)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator, place)
     (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
     return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
@@ -164,13 +170,13 @@ def rank(
     tosses: Tosses | Inputs,
     top: int = RANKING.top,
     *,
-    body: Body | None = None,
+    body: GivenBody | None = None,
     criterion: str = RANKING.criterion,
-    model: "LearnedModel | str | PathLike[str] | None" = None,
+    model: "GivenModel | None" = None,
     estimator: str = SCORING.estimator.value,
     device: str = CPU,
     seed: int = RANKING.seed,
-    held_out: str | None = None,
+    held_out: HeldOut | None = None,
     index: str | PathLike[str] | None = None,
     jobs: int | None = None,
     progress: Progress = silent,
@@ -180,7 +186,8 @@ def rank(
     Args:
         tosses: tosses from `read`, or inputs as for `read`; of those, at most 64 tosses of a recording are in memory at once.
         top: number of tosses to select.
-        body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
+        body: the tossed object, or its file, if `tosses` are recordings; None for the model's body or, without a model,
+            ContactNets' cube.
         criterion: ``representative``, ``herding``, ``facility-location``, ``v-optimal``, ``log-det``, ``trace``, ``min-eig``,
             ``orthogonal``, ``leverage``, ``longest``, ``random``, or one of your own
             (`information.criteria.criterion.register`).
@@ -188,8 +195,8 @@ def rank(
         estimator: formula of the Fisher matrix: ``gauss-newton`` or ``empirical`` (method.md 1.5).
         device: where networks are evaluated: ``cpu``, ``cuda`` or ``cuda:N``.
         seed: random seed of the criterion ``random``.
-        held_out: tosses that are not ranked, nor are their duplicates: numbers (``"400-569"``), a share (``"0.2"``), or a file
-            of ids.
+        held_out: tosses that are not ranked, nor are their duplicates: numbers (``"400-569"``, 400 or ``range(400, 570)``), a
+            share (0.2), or a file of ids.
         index: folder that keeps what was read and scored, so that a second ranking reads and scores only what changed; None for
             none, and for tosses from `read`.
         jobs: number of processes that read recordings; None for one per processor, as long as starting them saves time.
@@ -212,7 +219,7 @@ def rank(
     if index is not None and isinstance(tosses, Tosses):
         raise InvalidValueError("index", fspath(index), "none for tosses that were read: give the recordings")
     source = tosses if isinstance(tosses, Tosses) else input_paths(tosses)
-    known = _body(body, model)
+    known = _body(body, model, tosses)
     reading = tosses.config if isinstance(tosses, Tosses) else ReadingConfig(known or CONTACTNETS_CUBE)
     theta = _theta(model, reading.body)
     config = RankConfig(
@@ -220,7 +227,7 @@ def rank(
         ranking=RankingConfig(criterion=criterion, top=top, seed=seed),
         model=theta.kind if not isinstance(theta, Parameters) else DEFAULT_MODEL,
         parameters=f"body {reading.body.name}" if model is None else getattr(model, "name", str(model)),
-        held_out=HeldOutRule() if held_out is None else held_out_rule(held_out),
+        held_out=_held_out(held_out),
         jobs=jobs,
         index=None if index is None else RecordingIndex(Path(index)),
     )
@@ -234,11 +241,11 @@ def train(
     tosses: Tosses | Inputs,
     model: str = DEFAULT_MODEL,
     *,
-    body: Body | None = None,
+    body: GivenBody | None = None,
     protocol: str = "auto",
     steps: int | None = None,
     seed: int = 0,
-    held_out: str | None = None,
+    held_out: HeldOut | None = None,
     start: str | PathLike[str] | None = None,
     restitution: bool = False,
     progress: Progress = silent,
@@ -248,13 +255,14 @@ def train(
     Args:
         tosses: tosses to learn from: those of `read` or of `RankedTosses.selected`, or inputs as for `read`.
         model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
-        body: the tossed object, if `tosses` are recordings; None for the model's body or, without a model, ContactNets' cube.
+        body: the tossed object, or its file, if `tosses` are recordings; None for the model's body or, without a model,
+            ContactNets' cube.
         protocol: ``exact`` fits a polytope to the optimum of its loss; ``budgeted`` makes a fixed number of gradient steps;
             ``published`` is ContactNets' protocol, which ends when the held-out loss stops falling; ``auto`` is ``exact`` for
             a polytope without `steps`, and else ``budgeted`` (method.md 1.12 and 2.10).
         steps: largest number of gradient steps; None for that of the protocol.
         seed: random seed of the initialisation and the order of batches.
-        held_out: tosses that are not learned from: numbers, a share (``"0.2"``), or a file of ids; None for none.
+        held_out: tosses that are not learned from: numbers, a share, or a file of ids, as in `rank`; None for none.
         start: checkpoint to start from; None for the published random initialisation.
         restitution: whether a polytope learns a restitution, too, by the exact protocol. If it does not and the tosses bounce,
             `warnings` of the model say so.
@@ -277,17 +285,17 @@ def train(
     from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, protocol_named, start_of
 
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
-    found = _tosses(tosses, _body(body, start))
+    found = _tosses(tosses, _body(body, start, tosses))
     model_entry(model)  # refuses what is none
     load_kernel()
     config = PROTOCOLS[protocol_named(protocol, model, by_steps=steps is not None)](model)
-    division = DivisionConfig(HeldOutRule() if held_out is None else held_out_rule(held_out), said=held_out is not None)
+    division = DivisionConfig(_held_out(held_out), said=held_out is not None)
     running = TrainingRun.begun(
         TrainConfig(
             kind=model,
             body=found.body,
             protocol=replace(config, steps=config.steps if steps is None else steps, restitution=restitution),
-            start=start_of(None if start is None else Path(start), model, found.body),
+            start=start_of(None if start is None else path_of("start", start, "a checkpoint's path"), model, found.body),
             seed=seed,
             rig=found.config.inputs.rig,
         ),
@@ -305,11 +313,11 @@ def train(
 
 @says_what_to_install
 def evaluate(
-    model: "LearnedModel",
+    model: "GivenModel",
     tosses: Tosses | Inputs,
     *,
-    against: "LearnedModel | None" = None,
-    held_out: str | None = None,
+    against: "GivenModel | None" = None,
+    held_out: HeldOut | None = None,
     more: int | None = None,
     seed: int = 0,
     progress: Progress = silent,
@@ -317,11 +325,11 @@ def evaluate(
     """Evaluates a model: predicts each toss from its first measured state, and compares with the measured motion.
 
     Args:
-        model: the model, from `train` or `load_model`.
+        model: the model, from `train` or `load_model`, or its file.
         tosses: tosses from `read`, or inputs as for `read`.
-        against: another model, which is evaluated on the same tosses and compared.
-        held_out: tosses to evaluate on: numbers, a share, or a file of ids; None for those that the training held out; if it
-            held out none, for those that it did not learn from, or all.
+        against: another model, or its file, which is evaluated on the same tosses and compared.
+        held_out: tosses to evaluate on: numbers, a share, or a file of ids, as in `rank`; None for those that the training held
+            out; if it held out none, for those that it did not learn from, or all.
         more: number of further throws like those that an exact fit learned from; `more_throws` of the result predicts how far
             they would change predicted motions. None for as many again.
         seed: random seed of the bootstrap.
@@ -344,21 +352,23 @@ def evaluate(
     """
     from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
     from contact_curation.pipeline.evaluation import evaluate_models, evaluation_config, judging_tosses
+    from contact_curation.pipeline.learned_model import model_of
 
     load_kernel()
-    models = [model] if against is None else [model, against]
-    judged = judging_tosses(_tosses(tosses, model.body), held_out, models)
+    first = model_of(model, tosses.body if isinstance(tosses, Tosses) else None)
+    models = [first] if against is None else [first, model_of(against, first.body)]
+    judged = judging_tosses(_tosses(tosses, first.body), held_out, models, HELD_OUT)
     config = evaluation_config(bootstrap=BootstrapConfig(seed=seed))
     return evaluate_models(models, judged, config, progress=progress, more=more)
 
 
 @says_what_to_install
 def design(
-    model: "LearnedModel | Sequence[LearnedModel] | None" = None,
+    model: "GivenModel | Sequence[GivenModel] | None" = None,
     *,
     known: Tosses | Sequence[Toss] = (),
     throws: int = 8,
-    body: Body | None = None,
+    body: GivenBody | None = None,
     method: str = "information",
     arm: bool = False,
     seed: int = 0,
@@ -368,10 +378,10 @@ def design(
     """Designs the throws that together have the largest predicted information gain (method.md 1.10).
 
     Args:
-        model: a polytope, or several, over which gains are averaged; None for the body as described.
+        model: a polytope, its file, or several of them, over which gains are averaged; None for the body as described.
         known: tosses that have been selected so far.
         throws: number of throws.
-        body: the object to throw, if there is no model; None for ContactNets' cube.
+        body: the object to throw, or its file, if there is no model; None for ContactNets' cube.
         method: ``information``; ``exploration``, which chooses different first impacts while theta is unknown; ``paper`` and
             ``prior`` are baselines.
         arm: whether only throws are designed that the simulated arm can make.
@@ -393,37 +403,65 @@ def design(
         >>> throws.save("throws.json")
     """
     from contact_curation.pipeline.design import DesignTask, design_throws
+    from contact_curation.pipeline.learned_model import model_of
 
     load_kernel()
-    models = [] if model is None else list(model) if isinstance(model, Sequence) else [model]
-    thetas = tuple(_polytope(one) for one in models) or (described_polytope(body or CONTACTNETS_CUBE),)
-    by_id = sorted(known, key=lambda toss: toss.toss_id)
-    task = DesignTask(thetas, tuple(by_id), method=method, arm=arm, seed=seed, name=name)
+    throws = whole_number("throws", throws, 1, MOST_THROWS)
+    given = None if body is None else body_of(body)
+    several = model if isinstance(model, Sequence) and not isinstance(model, str) else [model]
+    if given:
+        for one in several:
+            _body(given, one)
+    models = [model_of(one, given) for one in several if one is not None]
+    thetas = tuple(map(_polytope, models)) or (described_polytope(given or CONTACTNETS_CUBE),)
+    task = DesignTask(thetas, _by_id(known), method=method, arm=arm, seed=seed, name=name)
     with progress("designing", "simulated throws", task.simulations(throws)) as bar:
         found = design_throws(task, throws, bar.advance)
-    return found if models or body else replace(found, warnings=(NO_BODY,))
+    return found if models or given else replace(found, warnings=(NO_BODY,))
 
 
 def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:
     return tosses if isinstance(tosses, Tosses) else read(tosses, body)
 
 
-def _body(body: Body | None, model: "LearnedModel | str | PathLike[str] | None") -> Body | None:
-    """The given body, or that of the model; None without either."""
-    if body is not None or model is None:
-        return body
-    if not isinstance(model, str | PathLike):
-        return model.body
-    found = carried_body([Path(model)])
+def _by_id(known: object) -> tuple[Toss, ...]:
+    several = tuple(known) if isinstance(known, Iterable) else (known,)
+    tosses = [one for one in several if isinstance(one, Toss)]
+    if len(tosses) < len(several):
+        raise InvalidValueError("known", repr(known), "tosses, such as those of `read`")
+    return tuple(sorted(tosses, key=lambda toss: toss.toss_id))
+
+
+def _held_out(spec: HeldOut | None) -> HeldOutRule:
+    return HeldOutRule() if spec is None else held_out_rule(spec, HELD_OUT)
+
+
+def _body(body: GivenBody | None, model: "GivenModel | None", tosses: Tosses | Inputs = ()) -> Body | None:
+    """The given body, or that of the model; None without either.
+
+    Raises:
+        InvalidValueError: the given body is another one than that of the model or of the tosses.
+    """
+    given = None if body is None else CarriedBody(body_of(body), "the parameter body")
+    files, known = [], []
+    if isinstance(model, str | PathLike):
+        files.append(Path(model))
+    elif model is not None:
+        from contact_curation.pipeline.learned_model import model_of
+
+        known.append(CarriedBody(model_of(model).body, model.name))
+    if given and isinstance(tosses, Tosses):
+        known.append(CarriedBody(tosses.body, "the tosses"))
+    found = carried_body(files, given=given, known=known)
     return found.body if found else None
 
 
-def _theta(model: "LearnedModel | str | PathLike[str] | None", body: Body) -> Theta:
+def _theta(model: "GivenModel | None", body: Body) -> Theta:
     if model is None:
         return described_polytope(body)
-    from contact_curation.pipeline.learned_model import load_model
+    from contact_curation.pipeline.learned_model import model_of
 
-    return theta_of((load_model(fspath(model), body) if isinstance(model, str | PathLike) else model).model)
+    return theta_of(model_of(model, body).model)
 
 
 def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str, device: Device) -> PoolConfig:

@@ -1,6 +1,7 @@
 """The body that a checkpoint, a manifest or a file of throws carries, so that no verb asks for it twice."""
 
 from collections.abc import Sequence
+from os import PathLike, fspath
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,8 +22,33 @@ class CarriedBody(NamedTuple):
     source: str
 
 
+type GivenBody = Body | str | PathLike[str]
+"""A body, or the path of a file that `Body.from_file` reads."""
+
+
+def body_of(given: GivenBody) -> Body:
+    """The body, or that of the file.
+
+    Raises:
+        InvalidValueError: it is neither a body nor a path.
+        UnreadableInputError: as of `Body.from_file`.
+    """
+    return given if isinstance(given, Body) else Body.from_file(path_of("body", given, "a Body, or the path of its file"))
+
+
+def path_of(name: str, given: object, expected: str) -> Path:
+    """The path, which is neither empty nor another value; else InvalidValueError with `name` and what is `expected`."""
+    if not (isinstance(given, str | PathLike) and fspath(given)):
+        raise InvalidValueError(name, repr(given), expected)
+    return Path(given)
+
+
 def carried_body(
-    models: Sequence[Path] = (), manifest: Path | None = None, throws: Path | None = None, given: CarriedBody | None = None
+    models: Sequence[Path] = (),
+    manifest: Path | None = None,
+    throws: Path | None = None,
+    given: CarriedBody | None = None,
+    known: Sequence[CarriedBody] = (),
 ) -> CarriedBody | None:
     """The body that files are about.
 
@@ -31,6 +57,7 @@ def carried_body(
         manifest: of a ranking; older ones carry none.
         throws: as `design` writes them; likewise.
         given: what the user says it is; it wins by its name, and must have the numbers of the others.
+        known: bodies of what is in memory.
 
     Returns:
         The body; None where no file carries one, and none is given.
@@ -45,6 +72,7 @@ def carried_body(
         found.append(CarriedBody(body, str(manifest)))
     if throws is not None and (body := read_throws_body(throws)):
         found.append(CarriedBody(body, str(throws)))
+    found += known
     for other in found[1:]:
         if name := found[0].body.first_difference(other.body):
             remedy = f": leave out {given.source}" if given else ""

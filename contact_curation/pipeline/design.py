@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.design.exploration import exploration_plan
@@ -22,6 +23,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
 from contact_curation.pipeline.wording import counted, counted_tosses
 from contact_curation.storage.parameters_file import Parameters
+from contact_curation.storage.saved_path import saved_path
 from contact_curation.storage.throws_file import write_throws
 
 PUBLISHED_DRAWS = 570
@@ -63,6 +65,7 @@ class DesignTask:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise UnknownNameError("method", self.method, METHODS)
+        set_whole_numbers(self, ("seed",))
 
     def simulations(self, count: int) -> int | None:
         """About how many throws the design of so many simulates; None for baselines, which need few."""
@@ -87,13 +90,18 @@ class DesignedThrows:
     body: Body
     warnings: tuple[str, ...] = ()
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the throws as JSON, for `simulate` or a robot.
 
+        Args:
+            path: of the file.
+            overwrite: whether to replace any file that is there; without it, only an earlier manifest or file of throws is
+                replaced.
+
         Raises:
-            InvalidValueError: the file cannot be written.
+            InvalidValueError: another ending, a file that must not be replaced, or the file cannot be written.
         """
-        write_throws(Path(path), self.plan.throws, self.body)
+        write_throws(saved_path(path, (".json",), overwrite=overwrite), self.plan.throws, self.body)
 
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""

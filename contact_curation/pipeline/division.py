@@ -6,8 +6,9 @@ recording.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
@@ -28,25 +29,42 @@ HELD_OUT = "held out"
 DUPLICATE = "duplicate of a held-out toss"
 
 
-def held_out_rule(spec: str) -> HeldOutRule:
+type HeldOut = str | PathLike[str] | float | Iterable[int]
+"""Which tosses are held out: as a command's option says it, a file of ids, a share, a number, or several numbers."""
+
+
+def held_out_rule(spec: HeldOut, name: str = "--held-out") -> HeldOutRule:
     """Parses which tosses are held out: numbers as 400-569 or 3,7-9, a share as 0.2, a file of ids, a manifest, or none.
+
+    Args:
+        spec: text, or numbers, a share or a path themselves.
+        name: of the option or parameter, for messages.
 
     Raises:
         InvalidValueError: it is nothing of what is accepted.
         UnreadableInputError: it names a file that holds no ids.
     """
-    if spec == NOTHING:
-        return HeldOutRule()
-    spans = spans_of(spec)
+    text = _as_text(spec)
+    if text == NOTHING:
+        return HeldOutRule(name=name)
+    spans = spans_of(text)
     if spans is not None:
-        return HeldOutRule(spans=spans)
-    if SHARE.fullmatch(spec):
-        return HeldOutRule(share=float(spec))
-    path = Path(spec)
-    if not (spec and path.exists()):
+        return HeldOutRule(spans=spans, name=name)
+    if SHARE.fullmatch(text):
+        return HeldOutRule(share=float(text), name=name)
+    if not (isinstance(spec, str | PathLike) and text and Path(spec).exists()):
         expected = "numbers such as 400-569, a share such as 0.2, none, or the name of a file with ids"
-        raise InvalidValueError("--held-out", spec, expected)
-    return HeldOutRule(ids=_ids_in(path))
+        raise InvalidValueError(name, repr(spec), expected)
+    return HeldOutRule(ids=_ids_in(Path(spec)), name=name)
+
+
+def _as_text(spec: object) -> str:
+    """`3,7,8` of numbers, ./400 of a path, so that it is not read as a number; empty for truth values, which are no numbers."""
+    if isinstance(spec, PathLike):
+        return f"./{spec}"
+    if isinstance(spec, Iterable) and not isinstance(spec, str):
+        return ",".join(map(_as_text, spec))
+    return "" if isinstance(spec, bool) else str(spec)
 
 
 def spans_of(spec: str) -> tuple[tuple[int, int], ...] | None:
@@ -215,12 +233,12 @@ def _check_something_is_held_out(rule: HeldOutRule, held_out: int, numbers: Coll
     if rule.spans:
         spans = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in rule.spans)
         said = f"some of the {tosses} that passed, from {min(numbers)} to {max(numbers)}"
-        raise InvalidValueError("--held-out", f"numbers {spans}", said)
+        raise InvalidValueError(rule.name, f"numbers {spans}", said)
     if rule.ids:
         found = f"{len(rule.ids)} ids, none of them of the {tosses}"
-        raise InvalidValueError("--held-out", found, "ids of these recordings: is it the file of others?")
+        raise InvalidValueError(rule.name, found, "ids of these recordings: is it the file of others?")
     expected = f"more tosses, a larger share, or numbers such as 0-{max(0, len(numbers) // 5)}"
-    raise InvalidValueError("--held-out", f"a share of {rule.share:g} that takes none of {tosses}", expected)
+    raise InvalidValueError(rule.name, f"a share of {rule.share:g} that takes none of {tosses}", expected)
 
 
 def _unknown_ids(rule: HeldOutRule, there: Collection[str]) -> list[str]:
@@ -228,7 +246,7 @@ def _unknown_ids(rule: HeldOutRule, there: Collection[str]) -> list[str]:
     unknown = [toss_id for toss_id in sorted(rule.ids) if toss_id not in there]
     if not unknown:
         return []
-    return [f"--held-out: {len(unknown)} of {len(rule.ids)} ids are not among the tosses: {listed(unknown)}"]
+    return [f"{rule.name}: {len(unknown)} of {len(rule.ids)} ids are not among the tosses: {listed(unknown)}"]
 
 
 def _span(text: str) -> tuple[int, int]:

@@ -24,6 +24,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import LearnedModel
 from contact_curation.pipeline.wording import counted, counted_tosses
+from contact_curation.storage.saved_path import saved_path
 
 UNITS = {"position": "% of the width", "rotation": "degrees", "penetration": "% of the width"}
 LISTED = 5
@@ -152,13 +153,18 @@ class Evaluation:
             "warnings": self.tosses.warnings,
         }
 
-    def save_figure(self, path: str | Path) -> None:
+    def save_figure(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Draws predicted against measured motion into a PNG file, of the tosses in `PICTURED`.
 
+        Args:
+            path: of the file.
+            overwrite: whether to replace any file that is there; without it, only an earlier figure is replaced.
+
         Raises:
-            InvalidValueError: no motion is finite, or the file cannot be written.
+            InvalidValueError: no motion is finite, another ending, a file that must not be replaced, or the file cannot be
+                written.
         """
-        save_motion_figure(_picture(self), Path(path))
+        save_motion_figure(_picture(self), saved_path(path, (".png",), overwrite=overwrite))
 
     def lines(self) -> Iterator[str]:
         """Tables for people."""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import torch
 
+from contact_curation.configs import whole_number
 from contact_curation.contact.parameter_form import is_physical
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
@@ -15,7 +16,7 @@ from contact_curation.learning.uncertainty.more_throws import MoreThrows, more_t
 from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
-from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
+from contact_curation.pipeline.division import DivisionConfig, HeldOut, held_out_rule, learning_tosses
 from contact_curation.pipeline.evaluated import Evaluation, JudgingTosses
 from contact_curation.pipeline.learned_model import LearnedModel
 from contact_curation.pipeline.reading import settings_of
@@ -49,8 +50,10 @@ def evaluate_models(
         more: number of further throws whose effect is predicted; None for as many as the first model was fitted to.
 
     Raises:
-        InvalidValueError: tosses of another body.
+        InvalidValueError: tosses of another body, or `more` is no whole number of at least 1.
     """
+    if more is not None:
+        whole_number("more", more, 1)
     torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
     evaluations = []
     with progress("rolling out", "models", len(models)) as bar:
@@ -73,22 +76,25 @@ def evaluate_models(
     )
 
 
-def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedModel]) -> JudgingTosses:
+def judging_tosses(
+    tosses: Tosses, spec: HeldOut | None, models: Sequence[LearnedModel], name: str = "--held-out"
+) -> JudgingTosses:
     """Divides tosses into those that models are evaluated on and those that they were trained on.
 
     Args:
         tosses: at least one.
-        spec: `--held-out`; None for what the first model's training held out, or all; all, too, where it is `none`.
+        spec: what is held out; None for what the first model's training held out, or all; all, too, where it is `none`.
         models: at least one; what the first learned from is what it was fitted to.
+        name: of the option or parameter with `spec`, for messages.
 
     Raises:
         ContactCurationError: there is no toss to judge by.
     """
-    rule = HeldOutRule() if spec is None else held_out_rule(spec)
+    rule = HeldOutRule() if spec is None else held_out_rule(spec, name)
     read = learning_tosses(tosses, DivisionConfig(rule, said=spec is not None, with_duplicates=True))
-    judged_by, others, chosen = read.held_out, read.training, f"--held-out {spec}"
+    judged_by, others, chosen = read.held_out, read.training, f"{name} {spec}"
     if spec is None:
-        judged_by, others, chosen = _as_trained(models[0], read.training)
+        judged_by, others, chosen = _as_trained(models[0], read.training, name)
     elif not judged_by:  # `none`: nobody tells some apart
         judged_by, others, chosen = read.training, (), EVERYTHING
     learned, last = models[0].learned_from, models[0].fitted_to
@@ -108,7 +114,7 @@ def judging_tosses(tosses: Tosses, spec: str | None, models: Sequence[LearnedMod
     )
 
 
-def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ...], str]:
+def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...], name: str) -> tuple[tuple[Toss, ...], tuple[Toss, ...], str]:
     """Those that a training held out, or did not learn from, the others, and words for it; all where there are none."""
     if not model.held_out:
         new = tuple(toss for toss in tosses if toss.toss_id not in model.learned_from)
@@ -119,7 +125,7 @@ def _as_trained(model: LearnedModel, tosses: tuple[Toss, ...]) -> tuple[tuple[To
     judged_by = tuple(toss for toss in tosses if toss.toss_id in model.held_out)
     if not judged_by:
         found = f"none of the {len(model.held_out)} that {model.name} names"
-        raise InvalidValueError("held-out tosses in the inputs", found, "at least one, or --held-out to choose others")
+        raise InvalidValueError("held-out tosses in the inputs", found, f"at least one, or {name} to choose others")
     return judged_by, tuple(toss for toss in tosses if toss.toss_id not in model.held_out), f"held out by {model.name}"
 
 

@@ -1,6 +1,7 @@
 """A model and the record of its training, from a training, a checkpoint, or a polytope's JSON file."""
 
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 from contact_curation.contact.body import Body
@@ -8,11 +9,14 @@ from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.files import read_bounded, write_atomically
+from contact_curation.files import read_bounded, read_json, write_atomically
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
-from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
+from contact_curation.pipeline.carried_body import GivenBody, body_of, path_of
+from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
+from contact_curation.storage.parameters_file import LARGEST_BYTES as PARAMETERS_BYTES
+from contact_curation.storage.saved_path import saved_path
 
 OPTIMUM = "optimum"
 """The note of a checkpoint whose training ended there."""
@@ -54,44 +58,57 @@ class LearnedModel:
         """The body whose motion the model describes."""
         return self.model.body
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the checkpoint, whole or not at all, as a .safetensors file.
 
+        Args:
+            path: of the file.
+            overwrite: whether to replace any file that is there.
+
         Raises:
-            InvalidValueError: another ending, or the file cannot be written.
+            InvalidValueError: another ending, a file is there, or the file cannot be written.
         """
-        if not is_checkpoint(Path(path)):
-            raise InvalidValueError("model", path, "a file ending in .safetensors")
-        write_atomically(Path(path), self.data or model_bytes(self.model))
+        write_atomically(saved_path(path, (CHECKPOINT,), overwrite=overwrite), self.data or model_bytes(self.model))
 
     def __repr__(self) -> str:
         return f"<{self.kind} of {self.body.name}, learned from {len(self.learned_from)} tosses>"
 
 
-def load_model(path: str | Path, body: Body | None = None) -> LearnedModel:
+type GivenModel = LearnedModel | str | PathLike[str]
+"""A model, or the path of its file."""
+
+
+def model_of(given: GivenModel, body: Body | None = None) -> LearnedModel:
+    """The model, or that of the file; `body` and errors as of `load_model`."""
+    return given if isinstance(given, LearnedModel) else load_model(given, body)
+
+
+def load_model(path: str | PathLike[str], body: GivenBody | None = None) -> LearnedModel:
     """Reads a model from a file.
 
     Args:
         path: a `.safetensors` checkpoint or model, or the parameters of a polytope as JSON.
-        body: body that the model must be for; it also provides the values that a JSON file lacks. None for the body in the
-            checkpoint.
+        body: body that the model must be for, or its file; it also provides the values that a JSON file lacks. None for the
+            body in the checkpoint.
 
     Returns:
         The model, with the ids of the tosses that it learned from.
 
     Raises:
         UnreadableInputError: the file contains no model, or one for another body.
-        InvalidValueError: the file is JSON, and no body is given.
+        InvalidValueError: the file is JSON, and no body is given; or `path` is no path.
 
     Examples:
         >>> model = cc.load_model("model.safetensors")
         >>> model.kind
         'polytope'
     """
-    path = Path(path)
+    path = path_of("model", path, "a model, or the path of its file")
+    body = None if body is None else body_of(body)
     if is_checkpoint(path):
         return model_of_checkpoint(read_bounded(path, LARGEST_BYTES, "a checkpoint or a model"), str(path), body)
     if body is None:
+        read_json(path, PARAMETERS_BYTES, "a model")  # where there is none, its body is not missed
         raise InvalidValueError("body", "none", f"the body that the polytope in {path} is for")
     theta = read_theta(path, body)
     assert isinstance(theta, Parameters)

@@ -23,8 +23,9 @@ from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
 from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found
-from contact_curation.storage.manifest.file import FORMATS, write_manifest
+from contact_curation.storage.manifest.file import CSV, FORMATS, provenance_of, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.storage.saved_path import saved_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -136,13 +137,21 @@ class RankedTosses:
             raise explained(nothing_found(paths, self.warnings, found, CHECK_SAYS), paths, self.reading)
         return self.curation
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the manifest, whole or not at all: Parquet, CSV or JSON, by the ending of `path`.
 
+        Args:
+            path: of the file.
+            overwrite: whether to replace any file that is there; without it, only an earlier manifest, score or throws file is
+                replaced.
+
         Raises:
-            InvalidValueError: another ending, or the file cannot be written.
+            InvalidValueError: another ending, a file that must not be replaced, or the file cannot be written.
         """
-        write_manifest(self.manifest, Path(path))
+        path = saved_path(path, FORMATS, overwrite=overwrite)
+        if path.suffix == CSV:
+            saved_path(provenance_of(path), FORMATS, overwrite=overwrite)
+        write_manifest(self.manifest, path)
 
     def to_arrow(self) -> Any:
         """The manifest as a pyarrow table: a row per toss, the columns of `ManifestRow`."""
@@ -164,13 +173,17 @@ class RankedTosses:
         """Draws the scores and how well the selected tosses represent the pool, as a matplotlib figure."""
         return ranking_figure(self._picture())
 
-    def save_figure(self, path: str | Path) -> None:
+    def save_figure(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the same figure to a PNG file.
 
+        Args:
+            path: of the file.
+            overwrite: whether to replace any file that is there; without it, only an earlier figure is replaced.
+
         Raises:
-            InvalidValueError: the file cannot be written.
+            InvalidValueError: another ending, a file that must not be replaced, or the file cannot be written.
         """
-        save_ranking_figure(self._picture(), Path(path))
+        save_ranking_figure(self._picture(), saved_path(path, (".png",), overwrite=overwrite))
 
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""

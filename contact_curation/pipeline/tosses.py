@@ -5,7 +5,7 @@ streams instead (`pipeline.scoring`, `score`) keeps only what it saw, and merges
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from os import PathLike, fspath
@@ -121,12 +121,13 @@ class Tosses:
     taken: Mapping[str, Taken] = field(default_factory=dict)
 
     @staticmethod
-    def of(tosses: Sequence[Toss], body: Body) -> "Tosses":
+    def of(tosses: Iterable[Toss], body: Body) -> "Tosses":
         """Tosses that came from no recording, such as live ones.
 
         Raises:
             InvalidValueError: one of another body, or an id twice.
         """
+        tosses = tuple(tosses)
         for toss in tosses:
             if toss.body != body.name:
                 raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, body.name)
@@ -136,7 +137,7 @@ class Tosses:
         once = EachOnce()
         reading = Reading("", "", numbered(seen_toss(toss) for toss in tosses))
         once.add(reading)
-        return Tosses(tuple(tosses), (), ReadingConfig(body), (reading,), taken=once.taken)
+        return Tosses(tosses, (), ReadingConfig(body), (reading,), taken=once.taken)
 
     @property
     def body(self) -> Body:

@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.model import Model
@@ -93,6 +94,9 @@ class TrainConfig:
     start: Model | Parameters | None = None
     seed: int = 0
     rig: RigCalibration = NO_CORRECTION
+
+    def __post_init__(self) -> None:
+        set_whole_numbers(self, ("seed",))
 
     def plan(self, tosses: LearningTosses) -> TrainingPlan:
         """The plan of a training on these tosses."""

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+from contact_curation.configs import whole_number
 from contact_curation.errors import ContactCurationError
 from contact_curation.storage.addresses import Address
 
@@ -76,6 +77,7 @@ BYTES_PER_PROCESS = 8 << 20
 def processes_for(paths: Sequence[Path], jobs: int | None) -> int:
     """The number of processes for recordings: `jobs`, or for None one per processor, as long as starting them saves time."""
     if jobs is not None:
+        whole_number("jobs", jobs, 1)
         return max(1, min(jobs, len(paths)))
     paying = max(1, sum(map(_size_of, paths)) // BYTES_PER_PROCESS)
     return max(1, min(os.cpu_count() or 1, len(paths), paying))
@@ -186,6 +188,9 @@ class LocalEngine:
     """
 
     jobs: int = 1
+
+    def __post_init__(self) -> None:
+        whole_number("jobs", self.jobs, 1)
 
     def as_done[Input, Result](
         self, work: Callable[[Input, Advance], Result], inputs: Sequence[Input], advance: Advance

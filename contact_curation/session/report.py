@@ -123,8 +123,8 @@ def _replayed(
     try:
         ranked = rank_tosses([folder.bag], offline_ranking(config, config.body(), folder, parameters))
         ranked.evidence()  # refuses where nothing was ranked
-        ranked.save(folder.manifest)
-        ranked.save_figure(folder.ranking_figure)
+        ranked.save(folder.manifest, overwrite=True)  # of this session
+        ranked.save_figure(folder.ranking_figure, overwrite=True)
     except (ContactCurationError, MemoryError) as error:
         return None, Replay(False, f"the bag could not be ranked: {str(error) or 'found too little memory'}")
     selected = ranked.selected_ids

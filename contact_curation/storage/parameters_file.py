@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.body_values import LARGEST, has_other, is_measurable
+from contact_curation.contact.body_values import LARGEST, is_measurable
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import check_version, read_json
+from contact_curation.geometry.numbers import has_other
 from contact_curation.geometry.quaternions import Array
 
 if TYPE_CHECKING:

@@ -69,7 +69,7 @@ def _off_described(row: Mapping[str, float | str]) -> Row:
 
 def ranking(path: Path) -> None:
     """The golden bag, ranked."""
-    cc.rank(GOLDEN, top=TOP).save_figure(path)
+    cc.rank(GOLDEN, top=TOP).save_figure(path, overwrite=True)
 
 
 def online_training(path: Path) -> None:

@@ -37,7 +37,15 @@ def test_the_identity_depends_on_body_source_and_first_stamp_and_on_nothing_else
     [
         ({"stamps_ns": np.array([0, 1, 1, 2, 3])}, "strictly increasing"),
         ({"stamps_ns": np.array([0])}, r"\(T,\) with T >= 2"),
+        ({"stamps_ns": None}, "toss stamps: found None, expected whole numbers"),
+        ({"stamps_ns": [0, 1, 2, 3, 2**63]}, "expected whole numbers of nanoseconds below"),
+        ({"stamps_ns": np.arange(5) + 0.5}, "expected whole numbers of nanoseconds"),
+        *(({"toss_id": name}, "toss_id: found .*, expected a text of one line") for name in (None, "", "a\nb", 7)),
+        ({"body": None}, "body: found None, expected a text of one line"),
         ({"frame_period": 0.0}, "frame_period: found 0.0"),
+        ({"frame_period": "soon"}, "frame_period: found soon, expected numbers"),
+        ({"frame_period": np.ones(2)}, "frame_period: found .*, expected one number"),
+        ({"positions": [[1.0], [1.0, 2.0]]}, "toss positions: found .*, expected numbers"),
         ({"positions": np.full((5, 3), np.nan)}, "toss positions: found a value that is not finite"),
         ({"angular_velocities": np.zeros((4, 3))}, r"found shape \(4, 3\), expected \(5, 3\)"),
         ({"orientations_wxyz": np.full((5, 4), 0.51)}, "quaternion norm"),
@@ -46,6 +54,16 @@ def test_the_identity_depends_on_body_source_and_first_stamp_and_on_nothing_else
 def test_what_is_no_toss_is_refused_with_what_was_found(changed: dict[str, Any], why: str) -> None:
     with pytest.raises(InvalidValueError, match=why):
         made(**changed)
+
+
+def test_a_toss_keeps_copies_that_cannot_be_written_to() -> None:
+    given = {"stamps_ns": np.arange(5) * 6_756_757, "positions": np.ones((5, 3))}
+    toss = made(**given)
+    for name, array in given.items():
+        array[:] = 7
+        assert not (getattr(toss, name) == 7).any()
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(toss, name)[0] = 7
 
 
 def test_every_field_is_in_the_digest() -> None:

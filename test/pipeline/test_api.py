@@ -1,11 +1,14 @@
 """`import contact_curation as cc`: the examples of its documentation run, and its digits are those of the commands."""
 
+import copy
 import doctest
 import json
+import pickle
 import shutil
 import subprocess
 import sys
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,9 @@ from test.conftest import REPOSITORY
 
 SHORT = 30
 """Gradient steps."""
+
+ANY: Any = cc
+"""The same functions, for arguments of the wrong type."""
 
 
 @pytest.fixture(scope="module")
@@ -97,11 +103,11 @@ def test_every_name_has_a_home_and_a_documentation() -> None:
 def test_the_examples_in_the_documentation_run(
     bench: Path, body: cc.Body, tosses: cc.Tosses, ranking: cc.RankedTosses, model: cc.LearnedModel
 ) -> None:
-    model.save("model.safetensors")
     given = {"cc": cc, "body": body, "tosses": tosses, "ranking": ranking, "model": model}
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
     finder = doctest.DocTestFinder(recurse=False)
-    documented = {"Body.from_file": cc.Body.from_file, **{name: getattr(cc, name) for name in cc.__all__ if name.islower()}}
+    names = sorted((name for name in cc.__all__ if name.islower()), key=lambda name: name != "train")  # it saves a model
+    documented = {"Body.from_file": cc.Body.from_file, **{name: getattr(cc, name) for name in names}}
     for name, function in documented.items():
         (example,) = finder.find(function, name, globs=dict(given))
         assert example.examples, name
@@ -278,6 +284,76 @@ def test_models_of_files_are_scored_and_ranked_for(
     assert by_file.manifest.run.parameters_version == by_model.manifest.run.parameters_version
     with pytest.raises(InvalidValueError, match="the body that the polytope in"):
         cc.load_model(true_parameters)
+    with pytest.raises(UnreadableInputError, match="No such file"):  # and not that its body is missing
+        cc.load_model(tmp_path / "none.json")
+
+
+def test_a_body_and_a_model_may_be_their_files(bench: Path, tosses: cc.Tosses, model: cc.LearnedModel) -> None:
+    model.save("m.safetensors")
+    assert cc.read("session.mcap", "brick.yaml").ids == tosses.ids
+    assert cc.check("session.mcap", body=bench / "brick.yaml").ok
+    assert cc.rank("session.mcap", 4, body="brick.yaml").ids == cc.rank(tosses, 4).ids
+    Path("own.yaml").write_text(json.dumps(tosses.body.to_mapping()))
+    assert cc.load_model("m.safetensors", "own.yaml").learned_from == model.learned_from
+    assert len(cc.evaluate("m.safetensors", tosses, against=bench / "m.safetensors").evaluations) == 2
+    assert cc.design(throws=1, method="prior", body="own.yaml").body.first_difference(tosses.body) == ""
+
+
+def test_a_body_that_contradicts_the_tosses_or_the_model_is_refused(
+    golden_bag: Path, tosses: cc.Tosses, body: cc.Body, model: cc.LearnedModel
+) -> None:
+    heavy = replace(body, mass=0.5)
+    for call in (
+        lambda: cc.rank(tosses, body=heavy),
+        lambda: cc.score(tosses, body=heavy),
+        lambda: cc.train(tosses, body=heavy, steps=1),
+        lambda: cc.rank(golden_bag, body=heavy, model=model),
+        lambda: cc.design(model, body=heavy),
+    ):
+        with pytest.raises(InvalidValueError, match=r"not the 'cube' of .* \(other mass\), expected the same body: leave out"):
+            call()
+    assert cc.rank(tosses, 4, body=replace(body, name="other")).ids == cc.rank(tosses, 4).ids
+
+
+def test_a_result_is_saved_over_what_can_be_made_again_only(
+    bench: Path, tosses: cc.Tosses, ranking: cc.RankedTosses, model: cc.LearnedModel
+) -> None:
+    throws = cc.design(throws=1, method="prior")
+    saves = {
+        "mine.json": throws.save,
+        "mine.csv": ranking.save,
+        "mine.png": ranking.save_figure,
+        "motion.png": cc.evaluate(model, tosses).save_figure,
+        "mine.safetensors": model.save,
+    }
+    for name, save in saves.items():
+        with pytest.raises(InvalidValueError, match=r"path: found session.mcap, expected a file ending in"):
+            save("session.mcap", overwrite=True)
+        Path(name).write_text("notes")
+        with pytest.raises(InvalidValueError, match=r"path: found a file at .*, expected a new name, or overwrite=True"):
+            save(name)
+        assert Path(name).read_text() == "notes"
+        save(name, overwrite=True)
+        if save != model.save:
+            save(name)  # in place of an earlier one
+    Path("other.provenance.json").write_text("{}")
+    with pytest.raises(InvalidValueError, match=r"found a file at other.provenance.json"):
+        ranking.save("other.csv")
+
+
+@pytest.mark.parametrize(
+    ("spec", "text"), [(3, "3"), (np.int64(4), "4"), ([3, 7, 8], "3,7-8"), (range(4), "0-3"), (0.3, "0.3")]
+)
+def test_held_out_tosses_may_be_numbers_or_a_share(tosses: cc.Tosses, spec: Any, text: str) -> None:
+    by_number, by_text = (cc.rank(tosses, 3, criterion="longest", held_out=one) for one in (spec, text))
+    assert by_number.outcomes == by_text.outcomes
+    assert "held out" in by_number.outcomes
+
+
+def test_numbers_of_numpy_are_accepted_and_saved(tosses: cc.Tosses, tmp_path: Path) -> None:
+    found = ANY.rank(tosses, np.int64(3), criterion="random", seed=np.int64(4))
+    found.save(tmp_path / "m.json")
+    assert read_manifest(tmp_path / "m.json").run.seed == 4
 
 
 def test_a_ranking_is_a_table_and_a_figure(ranking: cc.RankedTosses, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -291,9 +367,17 @@ def test_a_ranking_is_a_table_and_a_figure(ranking: cc.RankedTosses, tmp_path: P
         ranking.to_pandas()
 
 
+def test_a_ranking_is_pickled_and_copied(ranking: cc.RankedTosses) -> None:
+    for again in (pickle.loads(pickle.dumps(ranking)), copy.deepcopy(ranking)):
+        assert again.manifest == ranking.manifest
+        assert [toss.digest() for toss in again.selected] == [toss.digest() for toss in ranking.selected]
+        assert again.plot().axes
+
+
 def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ranking: cc.RankedTosses) -> None:
     live = cc.Tosses.of(list(reversed(tosses.accepted)), body)
     assert cc.rank(live, top=8).ids == ranking.ids
+    assert cc.Tosses.of(iter(tosses.accepted), body).ids == tosses.ids
     with pytest.raises(InvalidValueError, match="twice"):
         cc.Tosses.of([tosses.accepted[0]] * 2, body)
 
@@ -301,18 +385,47 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
 @pytest.mark.parametrize(
     "call",
     [
-        lambda tosses: cc.rank(tosses, criterion="luck"),
-        lambda tosses: cc.rank(tosses, top=0),
-        lambda tosses: cc.rank(tosses, estimator="guess"),
-        lambda tosses: cc.rank(tosses, held_out="900-901"),
-        lambda tosses: cc.train(tosses, "sphere"),
-        lambda tosses: cc.train(tosses, protocol="luck"),
-        lambda tosses: cc.design(method="luck"),
+        lambda tosses: ANY.rank(tosses, criterion="luck"),
+        lambda tosses: ANY.rank(tosses, top=0),
+        lambda tosses: ANY.rank(tosses, estimator="guess"),
+        lambda tosses: ANY.rank(tosses, held_out="900-901"),
+        lambda tosses: ANY.train(tosses, "sphere"),
+        lambda tosses: ANY.train(tosses, protocol="luck"),
+        lambda tosses: ANY.design(method="luck"),
+        lambda tosses: ANY.read("session.mcap", body={}),
+        lambda tosses: ANY.read("session.mcap", body=""),
+        lambda tosses: ANY.read("session.mcap", jobs=-1),
+        lambda tosses: ANY.check([]),
+        lambda tosses: ANY.check("session.mcap", most_messages=-1),
+        *(lambda tosses, top=top: ANY.rank(tosses, top=top) for top in (2.5, "8", None, True)),
+        lambda tosses: ANY.rank(tosses, seed=1.5),
+        lambda tosses: ANY.rank(tosses, criterion=None),
+        lambda tosses: ANY.rank(tosses, model=3),
+        *(lambda tosses, spec=spec: ANY.rank(tosses, held_out=spec) for spec in (True, -1, 1.5, [], ["a"], Path("none"))),
+        lambda tosses: ANY.train(tosses, steps=1.5),
+        lambda tosses: ANY.train(tosses, steps=1, seed=-1),
+        lambda tosses: ANY.train(tosses, start=3),
+        *(lambda tosses, count=count: ANY.design(throws=count) for count in (0, 1.5, "2")),
+        lambda tosses: ANY.design(seed=-1),
+        lambda tosses: ANY.design(known="session.mcap"),
         lambda tosses: tosses.only(["cube-0"]),
-        lambda tosses: cc.load_model("none.safetensors"),
-        lambda tosses: cc.Body.from_file("none.yaml"),
+        lambda tosses: ANY.load_model("none.safetensors"),
+        lambda tosses: ANY.Body.from_file("none.yaml"),
     ],
 )
 def test_what_is_not_accepted_is_an_error_of_ours(tosses: cc.Tosses, call: Any) -> None:
     with pytest.raises(ContactCurationError):
         call(tosses)
+
+
+@pytest.mark.parametrize("more", [-1, 0, 1.5])
+def test_how_many_more_throws_is_a_whole_number_from_one_on(tosses: cc.Tosses, model: cc.LearnedModel, more: Any) -> None:
+    with pytest.raises(InvalidValueError, match=r"more: found .*, expected a whole number of at least 1"):
+        cc.evaluate(model, tosses, more=more)
+
+
+def test_a_message_about_held_out_tosses_names_the_parameter(tosses: cc.Tosses) -> None:
+    with pytest.raises(InvalidValueError, match=r"^held_out: found '20%', expected numbers"):
+        cc.rank(tosses, held_out="20%")
+    with pytest.raises(InvalidValueError, match=r"^held_out: found numbers 900-901, expected some of the 21"):
+        cc.train(tosses, held_out="900-901", steps=1)

@@ -31,8 +31,14 @@ def test_anything_else_is_one_line(spec: str) -> None:
         held_out_rule(spec)
 
 
+def test_a_message_quotes_what_was_found_and_names_the_option() -> None:
+    with pytest.raises(ContactCurationError, match=r"^--held-out: found '', expected numbers such as"):
+        held_out_rule("")
+
+
 def test_a_file_holds_an_id_a_line(tmp_path: Path) -> None:
     (tmp_path / "ids").write_text("cube-1-aa\n\n  cube-2-bb \n")
+    assert held_out_rule(tmp_path / "ids") == held_out_rule(str(tmp_path / "ids"))
     assert held_out_rule(str(tmp_path / "ids")) == HeldOutRule(ids=frozenset({"cube-1-aa", "cube-2-bb"}))
 
 

@@ -21,7 +21,7 @@ class Ranked:
     def evidence(self) -> Any:
         return SimpleNamespace()
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path, *, overwrite: bool) -> None:
         path.touch()
 
     save_figure = save

@@ -162,11 +162,11 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         ranked = rank_tosses(arguments.inputs, config, Progress, dashboard.show if dashboard else None)
         if arguments.out and ranked.manifest.rows:
-            ranked.save(arguments.out)
+            ranked.save(arguments.out, overwrite=True)  # was checked before the work
         ranked.evidence()  # raises an error if nothing was ranked
         warn(ranked.warnings)
         if figure:
-            ranked.save_figure(figure)
+            ranked.save_figure(figure, overwrite=True)
         written = {"out": arguments.out, "figure": figure}
         if arguments.json:
             print_json({**ranked.document(), **{name: str(path) if path else None for name, path in written.items()}})

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.pool import Pool
 from contact_curation.information.ranking import Selection
@@ -58,11 +59,8 @@ class RankingConfig:
         for name, accepted in (item for one in _REGISTERED.values() for item in one.choices.items()):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(f"ranking.{name}", getattr(self, name), accepted)
-        if not 1 <= self.top <= MOST_SELECTED:
-            raise InvalidValueError("ranking.top", self.top, f"1 to {MOST_SELECTED} tosses to select")
-        for name in ("seed", "certificate_steps"):
-            if getattr(self, name) < 0:
-                raise InvalidValueError(f"ranking.{name}", getattr(self, name), "a number of at least 0")
+        set_whole_numbers(self, ("top",), 1, MOST_SELECTED, "ranking.")
+        set_whole_numbers(self, ("seed", "certificate_steps"), prefix="ranking.")
         if not (np.isfinite(self.prior) and self.prior > 0.0):
             raise InvalidValueError("ranking.prior", self.prior, "a positive number")
         if not 0.0 < self.cut < 1.0:
@@ -162,7 +160,7 @@ def criterion_names() -> tuple[str, ...]:
 
 def criterion_named(name: str) -> Criterion:
     """The registered criterion of that name; InvalidValueError where there is none."""
-    if name not in _REGISTERED:
+    if name not in criterion_names():
         raise UnknownNameError("criterion", name, _REGISTERED)
     return _REGISTERED[name]
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
@@ -29,12 +30,10 @@ class BootstrapConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if self.resamples < 1:
-            raise InvalidValueError("bootstrap.resamples", self.resamples, "at least 1")
+        set_whole_numbers(self, ("resamples",), 1, prefix="bootstrap.")
         if not 0.0 < self.confidence < 1.0:
             raise InvalidValueError("bootstrap.confidence", self.confidence, "a number between 0 and 1")
-        if self.seed < 0:
-            raise InvalidValueError("bootstrap.seed", self.seed, "at least 0")
+        set_whole_numbers(self, ("seed",), prefix="bootstrap.")
 
 
 class Interval(NamedTuple):

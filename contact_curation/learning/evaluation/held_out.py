@@ -14,7 +14,7 @@ left out of the training, and not the other way round: so the held-out set stays
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from hashlib import sha256
 from math import floor
 from typing import NamedTuple
@@ -61,11 +61,13 @@ class HeldOutRule:
         spans: first and last number, both included.
         ids: of tosses.
         share: of all possible ids, by their digest.
+        name: of the option or parameter that says so, for messages.
     """
 
     spans: tuple[tuple[int, int], ...] = ()
     ids: frozenset[str] = frozenset()
     share: float = 0.0
+    name: str = field(default="--held-out", compare=False)
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.share < 1.0:

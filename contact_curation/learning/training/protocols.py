@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.defaults import ModelDefaults
 from contact_curation.contact.models.registry import model_class
@@ -119,10 +120,8 @@ class TrainingConfig:
     restitution: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("batch", "steps", "epochs", "evaluation_steps", "starts"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise InvalidValueError(name, value, "at least 1")
+        counts = ("batch", "steps", "epochs", "evaluation_steps", "starts")
+        set_whole_numbers(self, [name for name in counts if getattr(self, name) is not None], 1)
         if self.steps is None and self.epochs is None:
             raise InvalidValueError("steps and epochs", "neither", "a limit on one of them")
         if self.schedule is Schedule.COSINE and self.steps is None:

@@ -100,7 +100,7 @@ def more_throws(
     count = len(fitted.toss_ids)
     if count < FEWEST or not isinstance(model, PolytopeModel) or model.form is not Form.RIGID:
         return None
-    throws = throws or count
+    throws = count if throws is None else throws
     pulls, unknown = toss_pulls(model, as_described(fitted, model.geometry(), model.body), HeldFitConfig(loss=config.loss))
     if unknown:
         return MoreThrows(throws, None, None, None, None, unknown)

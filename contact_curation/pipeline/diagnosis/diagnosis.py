@@ -7,6 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from contact_curation.configs import whole_number
+from contact_curation.errors import InvalidValueError
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
@@ -73,8 +75,14 @@ def diagnose(
         most_messages: of their pose topics, in all; of each recording at least `FEWEST_MESSAGES`.
         jobs: so many are read at once.
         advance: told of each recording that was read.
+
+    Raises:
+        InvalidValueError: there is no recording, or `most_messages` is no whole number of at least 1.
     """
-    share = max(FEWEST_MESSAGES, most_messages // max(len(paths), 1))
+    if not paths:
+        raise InvalidValueError("inputs", "none", "at least one recording")
+    whole_number("most_messages", most_messages, 1)
+    share = max(FEWEST_MESSAGES, most_messages // len(paths))
     recordings = tuple(each(partial(_read, config, share), list(paths), jobs, advance))
     return concluded(Evidence(config, recordings), words)
 

@@ -52,13 +52,13 @@ class _RowsOnDisk:
     """Rows of a factor in the file, which NumPy can use as an array.
 
     Attributes:
-        file: the open file.
+        file: the open file; None of a copy that was made after it was closed, whose rows cannot be read either.
         begin: position of the rows in the file [bytes].
         shape: (R, P).
         dtype: dtype of the numbers.
     """
 
-    file: IO[bytes]
+    file: IO[bytes] | None
     begin: int
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
@@ -69,7 +69,15 @@ class _RowsOnDisk:
 
     def __array__(self, dtype: np.dtype[Any] | None = None, copy: bool | None = None) -> NDArray[Any]:
         """Reads the rows; raises ValueError if the file is closed."""
+        if self.file is None:
+            raise ValueError("the factors were on disk until they were ranked")
         size = int(np.prod(self.shape)) * self.dtype.itemsize
         data = os.pread(self.file.fileno(), size, self.begin)
         rows = np.frombuffer(data, self.dtype).reshape(self.shape)
         return rows if dtype is None else rows.astype(dtype)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickles and copies the rows themselves; after the ranking, when the file is closed, their shape alone."""
+        if self.file is None or self.file.closed:
+            return _RowsOnDisk, (None, self.begin, self.shape, self.dtype)
+        return np.array, (np.asarray(self),)
