@@ -23,8 +23,9 @@ from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
 from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found
-from contact_curation.storage.manifest.file import CSV, FORMATS, provenance_of, write_manifest
+from contact_curation.storage.manifest.file import FORMATS, provenance_of, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.storage.outputs import CSV
 from contact_curation.storage.saved_path import saved_path
 
 if TYPE_CHECKING:
