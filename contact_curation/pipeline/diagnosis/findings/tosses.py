@@ -11,7 +11,8 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.wording import counted_tosses, listed
 
-NUMBERS = re.compile(r"found (-?[\d.]+(?:e-?\d+)?) ?([^\s,]*).*?expected (?:at most|at least|within) (-?[\d.]+(?:e-?\d+)?)")
+NUMBER = r"(-?[\d.]+(?:e-?\d+)?)"
+NUMBERS = re.compile(rf"found {NUMBER}(.*?)(?: (?:at|before) frame \d+)?, expected (?:at most|at least|within) {NUMBER}")
 """In the reasons of gates and segmenter: what was found, its unit, and the bound."""
 
 HINTS = {
@@ -103,13 +104,13 @@ def few(evidence: Evidence) -> Finding | None:
 
 
 def _sizes(lines: list[str]) -> str:
-    """The median of what was found, in its unit, and the bound."""
+    """The median of what was found, without signs where they differ, in its unit, and the bound."""
     numbers = [match for line in lines if (match := NUMBERS.search(line))]
     if not numbers:
         return ""
-    found = float(np.median([float(each.group(1)) for each in numbers]))
-    unit = numbers[0].group(2)
-    return f" ({found:.3g}{f' {unit}' if unit else ''} in the median, allowed {float(numbers[0].group(3)):.3g})"
+    found = np.array([float(each.group(1)) for each in numbers])
+    median = np.median(found if np.ptp(np.sign(found)) == 0.0 else np.abs(found))
+    return f" ({median:.3g}{numbers[0].group(2)} in the median, allowed {float(numbers[0].group(3)):.3g})"
 
 
 def _shape(toss: Toss) -> str:
