@@ -8,6 +8,7 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding
 from contact_curation.pipeline.diagnosis.findings.tosses import rejected
@@ -61,3 +62,16 @@ def test_a_size_is_the_median_of_magnitudes_with_a_sign_where_all_have_it(line: 
 )
 def test_a_size_has_its_whole_unit(line: str, size: str) -> None:
     assert f"({size} in the median, allowed" in found([line]).what
+
+
+def test_the_setting_that_accepts_single_lost_frames_is_offered() -> None:
+    diagnosis = concluded(seen(gaps(2.0)))
+    assert "or say --set segmenter.largest_gap=2.5: one transition spans a gap" in diagnosis.verdict
+    assert diagnosis.settings == "--set segmenter.largest_gap=2.5"
+    assert diagnosis.next.startswith("contact-curation rank a --set segmenter.largest_gap=2.5")
+    assert found(gaps(3.0, 2.5), largest_gap=2.5).settings == ("segmenter.largest_gap=3.5",)
+
+
+def test_no_setting_is_offered_for_long_gaps() -> None:
+    assert found(gaps(7.0)).settings == ()
+    assert found(gaps(4.0, 3.5), largest_gap=3.5).settings == ()

@@ -56,7 +56,7 @@ def frames_are_lost(evidence: Evidence) -> Finding | None:
         return None
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
     what = f"{100.0 * share:.2g} % of the frames are missing between others, at {1.0 / evidence.period:.4g} Hz"
-    remedy = "record with a larger queue, or track in fewer, brighter images: a toss with a gap is rejected"
+    remedy = "record with a larger queue, or track in fewer, brighter images: gaps over segmenter.largest_gap reject a toss"
     return Finding(severity, what, remedy)
 
 

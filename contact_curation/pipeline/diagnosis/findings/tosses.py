@@ -33,6 +33,9 @@ DEEP = ("lowest corner of the toss", "depth in the board")
 SOFT = "bodies at rest lie on the board, so impacts press them into it: a firmer board? ContactNets' model has rigid contacts"
 """Hint for `DEEP` ones where height and size are right."""
 
+MOST_PERIODS = 3
+"""Of a gap that a setting may accept: two frames lost at once."""
+
 FEW = 8
 SAME_LENGTH = 1e-4
 """Poses that differ by less are the same in two recordings [m]."""
@@ -53,7 +56,10 @@ def rejected(evidence: Evidence) -> Finding | None:
     if not evidence.mostly_rejected:
         return Finding(Severity.FACT, what)
     hint = SOFT if first in DEEP and evidence.rests_on_board else HINTS.get(first, "")
-    return Finding(Severity.FAULT, what, hint)
+    setting = _wider_gap(reasons[first], evidence.config.inputs.segmenter.largest_gap) if first == "gap" else ""
+    if not setting:
+        return Finding(Severity.FAULT, what, hint)
+    return Finding(Severity.FAULT, what, f"{hint}, or say --set {setting}: one transition spans a gap", settings=(setting,))
 
 
 def never_at_rest(evidence: Evidence) -> Finding | None:
@@ -101,6 +107,18 @@ def few(evidence: Evidence) -> Finding | None:
         return None
     what = f"only {counted_tosses(len(evidence.tosses))}"
     return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer identify neither vertices nor friction")
+
+
+def _wider_gap(lines: list[str], largest: float) -> str:
+    """The setting that accepts most gaps; empty where more frames are lost at once than tell what happened between them.
+
+    Args:
+        lines: what the segmenter says of gaps.
+        largest: that it accepts, in frame periods.
+    """
+    gaps = [largest * float(match.group(1)) / float(match.group(3)) for line in lines if (match := NUMBERS.search(line))]
+    periods = round(float(np.median(gaps))) if gaps else 0
+    return f"segmenter.largest_gap={periods + 0.5}" if 0 < periods <= MOST_PERIODS else ""
 
 
 def _sizes(lines: list[str]) -> str:
