@@ -423,7 +423,7 @@ def write(path: Path, made: Session) -> None:
 
     zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     twist = types["geometry_msgs/msg/TwistWithCovariance"](types["geometry_msgs/msg/Twist"](zero, zero), np.zeros(36))
-    poses = made.published(_in_map(made))
+    poses = made.published(in_map(made))
     with BagWriter(path, STORE) as bag:
         if made.board is not None:
             vector = types["geometry_msgs/msg/Vector3"](*made.board[:3].tolist())
@@ -437,7 +437,7 @@ def write(path: Path, made: Session) -> None:
             bag.write(made.topic, message, logged)
 
 
-def _in_map(made: Session) -> Array:
+def in_map(made: Session) -> Array:
     """Poses (T, 7) in the parent's frame; on the board where none is recorded."""
     if made.board is None:
         return made.poses

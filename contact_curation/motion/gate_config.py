@@ -72,7 +72,7 @@ class GateConfig:
         resting_speed: largest speed over the last frames of a body at rest [m/s]; by default 0.05.
         resting_spin: largest angular speed over the last frames of a body at rest [rad/s]; by default 0.5.
         quaternion_tolerance: largest deviation of a quaternion's norm from 1.
-        largest_gap: longest time between frames, in frame periods.
+        largest_gap: longest time between frames, in frame periods; at least `segmenter.largest_gap`.
     """
 
     enabled: bool = True

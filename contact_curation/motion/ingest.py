@@ -73,9 +73,9 @@ class TossIngest:
         self.noise = PoseNoise()
         self._first_ns: int | None = None
         self._noisy_ns: int | None = None
-        self._gates = config.gates
-        if config.segmenter.closed_up:  # gaps of the stream itself are the segmenter's, which knows none of these
-            self._gates = replace(config.gates, largest_gap=max(config.gates.largest_gap, MOST + 1.5))
+        reopened = MOST + 1.5 if config.segmenter.closed_up else 0.0  # gaps of which the segmenter knows none
+        largest_gap = max(config.gates.largest_gap, config.segmenter.largest_gap, reopened)
+        self._gates = replace(config.gates, largest_gap=largest_gap)
 
     @property
     def counts(self) -> Counter[str]:

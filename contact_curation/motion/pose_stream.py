@@ -58,8 +58,9 @@ class BadPose:
         stamp_ns: its header stamp.
         child: frame it was meant for.
         why: one line.
-        kind: "pose" where it is none, "stamp" where its time cannot be, "frame" where nothing leads from its frame to the
-            board's, "jump" where the body cannot have come so far; of tags also "camera" and the kinds of `motion.tags.pose`.
+        kind: "pose" where it is none, "static" where it is no static transform, "stamp" where its time cannot be, "frame"
+            where nothing leads from its frame to the board's, "jump" where the body cannot have come so far; of tags also
+            "camera" and the kinds of `motion.tags.pose`.
     """
 
     stamp_ns: int
@@ -84,7 +85,9 @@ def checked_pose(
     if not (isfinite(norm) and isfinite(x) and isfinite(y) and isfinite(z)):
         return BadPose(stamp_ns, child, f"pose: found {(x, y, z, w, qx, qy, qz)}, expected finite numbers")
     if abs(norm - 1.0) > QUATERNION_TOLERANCE:
-        return BadPose(stamp_ns, child, f"quaternion norm: found {norm:.6g}, expected 1 within {QUATERNION_TOLERANCE}")
+        of, kind = (f" of the static transform from '{parent}' to '{child}'", "static") if static else ("", "pose")
+        why = f"quaternion norm{of}: found {norm:.6g}, expected 1 within {QUATERNION_TOLERANCE}"
+        return BadPose(stamp_ns, child, why, kind)
     if max(abs(x), abs(y), abs(z)) > FARTHEST:
         return BadPose(stamp_ns, child, f"position: found {(x, y, z)}, expected one within {FARTHEST:g} m")
     return FramePose(stamp_ns, parent, child, ScalarPose((x, y, z), (w, qx, qy, qz)), static)

@@ -159,6 +159,13 @@ def test_what_a_noisier_tracker_gets_wrong_is_still_seen(multiple: float) -> Non
     assert any(line.startswith("displacement beside the velocity") for line in rejected.reasons)
 
 
+def test_a_gap_that_the_segmenter_takes_is_taken_by_the_gates() -> None:
+    lost = [*MEASURED[:60], *MEASURED[61:171]]
+    for largest_gap, kind in ((1.5, Rejected), (2.5, Toss)):
+        (event,) = ingested(lost, fresh(IngestConfig(CONFIG.tracker, SegmenterConfig(largest_gap=largest_gap))))
+        assert isinstance(event, kind)
+
+
 def test_a_pose_that_is_none_makes_a_gap_and_no_toss() -> None:
     ingest = fresh()
     events: list[IngestEvent] = []

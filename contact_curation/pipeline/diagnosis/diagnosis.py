@@ -35,7 +35,7 @@ class Diagnosis:
         ok: whether tosses can be learned from as the recordings are.
         reasons: all that was found, one line each, faults first.
         settings: `--set` options that mend what settings can mend; empty where there are none.
-        next: the command to type next.
+        next: the command to type next; empty where no recording can be read.
         warnings: what was assumed, one line each; no part of the document.
     """
 
@@ -54,7 +54,8 @@ class Diagnosis:
 
     def __str__(self) -> str:
         mends = [f"settings: {self.settings}"] if self.settings else []
-        return "\n".join([self.verdict, *(f"  {line}" for line in self.reasons), *mends, f"next: {self.next}"])
+        commands = [f"next: {self.next}"] if self.next else []
+        return "\n".join([self.verdict, *(f"  {line}" for line in self.reasons), *mends, *commands])
 
 
 def diagnose(
@@ -103,9 +104,9 @@ def concluded(evidence: Evidence, words: Sequence[str] = ()) -> Diagnosis:
     verdict = worst.line if worst.severity == Severity.FAULT else _sound(evidence, worst)
     reasons = tuple(one.line for one in ordered if one is not worst or ok)
     paths = [one.path for one in evidence.recordings]
-    return Diagnosis(
-        _one_line(verdict), ok, tuple(map(_one_line, reasons)), settings, _next(ordered, ok, paths, words, settings)
-    )
+    readable = any(not one.unreadable for one in evidence.recordings)
+    command = _next(ordered, ok, paths, words, settings) if readable else ""
+    return Diagnosis(_one_line(verdict), ok, tuple(map(_one_line, reasons)), settings, command)
 
 
 def _sound(evidence: Evidence, worst: Finding) -> str:

@@ -9,7 +9,7 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.evaluation.misfit import bounce_in_words, sliding_of, softness_in_words
+from contact_curation.learning.evaluation.misfit import DEEP, bounce_in_words, impact_depth, sliding_of, softness_in_words
 from contact_curation.motion.pose_noise import MOST, RIG_NOISE
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.falls import Survey, survey
@@ -104,6 +104,12 @@ class Evidence:
     def softness(self) -> str:
         """How far corners go below where they rest, if a firm board would not let them; else empty."""
         return softness_in_words(self.tosses, self.body)
+
+    @cached_property
+    def gives_way(self) -> bool:
+        """Whether corners go so far below where they rest, rejected motions counted in: no filter of poses does this."""
+        motions = [one.toss if isinstance(one, Rejected) else one for one in self.outcomes]
+        return bool(motions) and impact_depth(motions, self.body) > DEEP * self.body.length_scale
 
     @cached_property
     def sliding(self) -> Sliding | None:

@@ -20,6 +20,7 @@ from contact_curation.learning.evaluation.misfit import (
     sliding_share,
     sticking_in_words,
 )
+from contact_curation.motion.survey.series import series_of
 from contact_curation.motion.survey.sliding import sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
@@ -27,6 +28,8 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
 from contact_curation.pipeline.diagnosis.findings.contact import bounces, friction, friction_varies, gives_way
 from contact_curation.pipeline.diagnosis.findings.facts import identifiable
+from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
+from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
 from contact_curation.simulation.world import WorldConfig
@@ -79,13 +82,16 @@ def test_a_body_whose_corner_rises_when_the_next_one_lands_does_not_bounce() -> 
 
 
 @pytest.mark.parametrize(("milliseconds", "said"), [(6.0, False), (20.0, True)])
-def test_soft_contacts_are_said_to_be_soft_and_firm_ones_are_not(milliseconds: float, said: bool) -> None:
+def test_soft_contacts_are_said_to_be_soft_and_not_smoothed_and_firm_ones_are_neither(milliseconds: float, said: bool) -> None:
     config = ThrownTossConfig(world=WorldConfig(contact_time=0.001 * milliseconds))
     releases = published_releases(10, np.random.default_rng(5))
     throws = [throw_of_state(f"{number}", CUBE.name, release) for number, release in enumerate(releases)]
-    found = gives_way(seen(tuple(thrown_toss(CUBE, throw, config) for throw in throws)))
+    tosses = tuple(thrown_toss(CUBE, throw, config) for throw in throws)
+    found = gives_way(seen(tosses))
     line = r"soft contacts: corners go [67]\.\d mm below where they rest \(median of 10" if said else "^$"
     assert re.match(line, found.what if found else "")
+    recording = Recording("a", series=tuple(map(series_of, tosses)), outcomes=tosses)
+    assert smoothed(Evidence(ReadingConfig(CUBE), (recording,))) is None
 
 
 def test_a_noisy_tracker_makes_no_contact_soft() -> None:

@@ -14,13 +14,16 @@ from benchmarks.data.thrown_bodies import bodies
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.survey.falls import survey
 from contact_curation.motion.survey.series import series_of
+from contact_curation.pipeline.diagnosis import diagnose
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.findings.smoothing import _colour, smoothed
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
+from contact_curation.storage.inputs.inputs import InputsConfig
 from test.motion.survey.rigs import Rig, Throws, recorded
 
 
@@ -65,6 +68,19 @@ def test_noise_in_which_no_fall_can_be_seen_is_named_and_nothing_that_it_looks_l
     assert scatter is not None
     assert float(scatter[1]) == pytest.approx(millimetres, rel=0.1)
     assert not any("feet" in line or "smoothed" in line or "z-down" in line for line in found.reasons)
+    assert f"or try {found.settings}" in found.verdict
+    assert float(found.settings.removeprefix("--set segmenter.tracker_noise=")) == pytest.approx(millimetres / 0.022, rel=0.1)
+
+
+def test_noise_that_the_segmenter_was_told_of_is_a_warning_where_tosses_are_found(session: Session, tmp_path: Path) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        return fixed.every(2)(made, rng).moved(lambda p: p + 1e-3 * rng.standard_normal(p.shape))
+
+    bag = spoilt_bag(tmp_path / "a.mcap", Fault("noise", change, ""), session)
+    found = diagnose([bag], ReadingConfig(CONTACTNETS_CUBE, InputsConfig(segmenter=SegmenterConfig(tracker_noise=45.0))))
+    assert found.ok
+    assert "expected 0.62 mm at most: rig and body cannot be checked" in found.verdict
+    assert found.settings == ""
 
 
 def test_impacts_that_go_deep_though_rests_lie_on_the_board_are_not_called_a_wrong_height(

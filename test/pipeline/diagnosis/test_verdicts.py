@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.data.check_faults import FAULTS, Fault, Session, diagnosed, simulated_session, spoilt_bag, write
+from benchmarks.data.check_faults import FAULTS, Fault, Session, diagnosed, in_map, simulated_session, spoilt_bag, write
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
@@ -75,9 +75,20 @@ def test_a_recording_that_is_no_bag_is_a_diagnosis_too(cli: Cli, golden: Path, t
     alone = cli("check", tmp_path / "bad.mcap", "--json")
     assert (alone.status, alone.json["ok"]) == (1, False)
     assert alone.json["verdict"].startswith("cannot be read: bad.mcap: begins with")
+    assert alone.json["next"] == ""
+    assert "next:" not in cli("check", tmp_path / "bad.mcap").out
     beside = cli("check", golden, tmp_path / "bad.mcap", "--json").json
     assert beside["ok"]
     assert "but cannot be read: bad.mcap" in beside["verdict"]
+
+
+def test_a_board_whose_static_transform_has_a_quaternion_of_zeros_is_named(session: Session, tmp_path: Path) -> None:
+    assert session.board is not None
+    poses = in_map(session)
+    unset = replace(session, board=np.append(session.board[:3], np.zeros(4)), published=lambda _: poses)
+    write(tmp_path / "a.mcap", unset)
+    found = diagnose([tmp_path / "a.mcap"], ReadingConfig(CONTACTNETS_CUBE))
+    assert "quaternion norm of the static transform from 'map' to 'body_surface': found 0" in found.verdict
 
 
 def test_a_recording_given_twice_is_told_as_duplicates(golden: Path, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from contact_curation.motion.survey.rests import rests_of
+from contact_curation.motion.survey.rig import RigEstimate
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.orientations import ASKEW, off_flat
@@ -22,8 +23,11 @@ BETTER = 0.01
 UNEVEN = 0.0025
 """[m] Heights at rest that differ by more in the median are not those of the described faces."""
 
-SMALLEST = 0.067
-"""Of its depth at rest: what a body of another size is higher or lower, at least."""
+SMALLEST, WORTH_SIZE = 0.067, 0.02
+"""Of its depth at rest: what a body of another size is higher or lower, at least; what is worth a line if faces agree on it."""
+
+BETTER_FIT = 3.0
+"""Times: so much less must a wrong size leave of heights at rest than a wrong height of the board."""
 
 
 def other_unit(evidence: Evidence) -> Finding | None:
@@ -45,7 +49,7 @@ def other_shape(evidence: Evidence) -> Finding | None:
     found = off_flat(evidence)
     if found is not None and found["as read"] > ASKEW:
         what = f"bodies at rest stand {found['as read']:.0f} degrees off every face of {evidence.body.name} as described"
-    elif evidence.rig is not None and evidence.rig.left_over > UNEVEN:
+    elif evidence.rig is not None and evidence.rig.left_over > UNEVEN and _size_by_faces(evidence, evidence.rig) is None:
         uneven = 1e3 * evidence.rig.left_over
         what = f"bodies lie at heights that differ by {uneven:.0f} mm from face to face of {evidence.body.name} as described"
     else:
@@ -54,23 +58,30 @@ def other_shape(evidence: Evidence) -> Finding | None:
 
 
 def other_size(evidence: Evidence) -> Finding | None:
-    """A body larger or smaller than described, where heights on edges and at rest agree on it."""
-    rig = evidence.rig
+    """A body larger or smaller than described, where heights at rest agree on it with those on edges, or face with face."""
+    rig, size = evidence.rig, evidence.size
     if rig is None:
         return None
-    vertices = evidence.body.vertices
-    width = float(np.ptp(vertices, axis=0).max())
-    half = float(np.median(rig.rest_depths))
-    by_rest = 1.0 + rig.height.value / half
-    size = evidence.size
-    if size is None or abs(rig.height.value) < SMALLEST * half:
+    by_faces = _size_by_faces(evidence, rig)
+    off = (by_faces or 1.0 + rig.height.value / float(np.median(rig.rest_depths))) - 1.0
+    large = abs(off) >= SMALLEST
+    on_edges = large and size is not None and abs(size.value - 1.0 - off) + BETTER <= abs(size.value - USUAL)
+    on_faces = by_faces is not None and abs(off) >= WORTH_SIZE and not rig.height.holds_none
+    if not (on_edges or on_faces):
         return None
-    if abs(size.value - by_rest) + BETTER > abs(size.value - USUAL):
-        return None
-    off = 100.0 * (by_rest - 1.0)
+    width = float(np.ptp(evidence.body.vertices, axis=0).max())
     larger = "larger" if off > 0.0 else "smaller"
     what = (
-        f"the body is {abs(off):.0f} % {larger} than {evidence.body.name} as described ({1e3 * width:.0f} mm wide), "
-        "at rest and on its edges"
+        f"the body is {100.0 * abs(off):.0f} % {larger} than {evidence.body.name} as described ({1e3 * width:.0f} mm wide), "
+        f"at rest and {'on its edges' if on_edges else 'on one face as on others'}"
     )
-    return Finding(Severity.FAULT, what, "measure the body and correct its --body file")
+    return Finding(Severity.FAULT if large else Severity.WARNING, what, "measure the body and correct its --body file")
+
+
+def _size_by_faces(evidence: Evidence, rig: RigEstimate) -> float | None:
+    """The size over the described one, if heights at rest go with the depth of the face: no board's do, and none sinks in."""
+    rests = rests_of(evidence.survey.throws, evidence.body.polytope)
+    heights = rig.rig.scale * (rests.places - rig.rig.centre) @ rig.rig.normal
+    size, higher = float(np.median(heights / rests.depths)), np.median(heights - rests.depths)
+    by_size, by_board = (np.abs(heights - one).mean() for one in (size * rests.depths, rests.depths + higher))
+    return size if BETTER_FIT * by_size < by_board else None

@@ -26,7 +26,8 @@ def board_is_not_found(evidence: Evidence) -> Finding | None:
             return f"header.frame_id of {one.source.body.name} is empty, so that nothing leads from it to the board '{board}'"
         there = ", ".join(sorted(one.frames)[:MOST_LISTED])
         given = f"'{parent}', in which {one.source.body.name} gives poses"
-        return f"nothing leads from the board's frame '{board}' to {given}; frames there: {there}"
+        why = one.why_bad.get("static", f"frames there: {there}")
+        return f"nothing leads from the board's frame '{board}' to {given}; {why}"
 
     found = by_recording(evidence, line)
     if not found:

@@ -19,6 +19,8 @@ SHORT = 0.75
 LONGEST = 0.2
 """A longer time without poses is a pause [s]."""
 
+QUIETER = "more light, larger tags or a nearer camera"
+
 
 def not_poses(evidence: Evidence) -> Finding | None:
     """Measurements that are no poses: numbers that are not finite, quaternions that are no rotations."""
@@ -56,7 +58,7 @@ def frames_are_lost(evidence: Evidence) -> Finding | None:
         return None
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
     what = f"{100.0 * share:.2g} % of the frames are missing between others, at {1.0 / evidence.period:.4g} Hz"
-    remedy = "record with a larger queue, or track in fewer, brighter images: a toss with a gap is rejected"
+    remedy = "record with a larger queue, or track in fewer, brighter images: gaps over segmenter.largest_gap reject a toss"
     return Finding(severity, what, remedy)
 
 
@@ -81,14 +83,18 @@ def outliers(evidence: Evidence) -> Finding | None:
 
 
 def too_noisy(evidence: Evidence) -> Finding | None:
-    """Poses that scatter so much that falls cannot be told from noise."""
+    """Poses that scatter so much that falls cannot be told from noise, but perhaps by a segmenter that expects it."""
     if evidence.fall is not None or not evidence.is_too_noisy:
         return None
-    what = (
-        f"positions scatter by {1e3 * evidence.survey.noise:.2g} mm from frame to frame, "
-        f"expected {1e3 * MOST * RIG_NOISE:.2g} mm at most: falls cannot be told from noise"
-    )
-    return Finding(Severity.FAULT, what, "more light, larger tags or a nearer camera")
+    noise, told = evidence.survey.noise, evidence.config.inputs.segmenter.tracker_noise
+    scatter = f"positions scatter by {1e3 * noise:.2g} mm from frame to frame, expected {1e3 * MOST * RIG_NOISE:.2g} mm at most"
+    if told is not None and not evidence.mostly_rejected:
+        return Finding(Severity.WARNING, f"{scatter}: rig and body cannot be checked", QUIETER)
+    what = f"{scatter}: falls cannot be told from noise"
+    if told is not None and noise <= LOUD * told * RIG_NOISE:
+        return Finding(Severity.FAULT, what, QUIETER)
+    setting = _tracker_noise(noise)
+    return Finding(Severity.FAULT, what, f"{QUIETER}, or try --set {setting}", settings=(setting,))
 
 
 def noisy(evidence: Evidence) -> Finding | None:
@@ -103,13 +109,15 @@ def noisy(evidence: Evidence) -> Finding | None:
         f"positions scatter by {1e3 * evidence.survey.noise:.2g} mm from frame to frame, "
         f"expected {1e3 * RIG_NOISE * expected:.2g} mm"
     )
-    if multiple > MOST:
-        return Finding(severity, what, "more light, larger tags or a nearer camera: with so much noise tosses are lost")
     taken = min(one.tracker.position for one in evidence.recordings)
     if told is None and multiple <= LOUD * taken:
-        remedy = (
-            f"wider bounds were taken, for {taken:.2g} times the noise; more light, larger tags or a nearer camera reduce it"
-        )
+        remedy = f"wider bounds were taken, for {taken:.2g} times the noise; {QUIETER} reduce it"
         return Finding(Severity.WARNING, what, remedy)
-    setting = f"segmenter.tracker_noise={np.ceil(10.0 * multiple) / 10.0:.1f}"
-    return Finding(severity, what, f"say --set {setting}", settings=(setting,))
+    setting = _tracker_noise(evidence.survey.noise)
+    remedy = f"{QUIETER}, or try --set {setting}" if multiple > MOST else f"say --set {setting}"
+    return Finding(severity, what, remedy, settings=(setting,))
+
+
+def _tracker_noise(noise: float) -> str:
+    """The setting for positions that scatter by `noise` [m]."""
+    return f"segmenter.tracker_noise={np.ceil(10.0 * noise / RIG_NOISE) / 10.0:.1f}"

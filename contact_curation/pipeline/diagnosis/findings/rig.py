@@ -1,7 +1,10 @@
 """Level, height and length scale of the rig, and the marker in the body: what settings can correct."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.inertia import shape_of
 from contact_curation.motion.survey.rig import RigEstimate, worth_correcting
@@ -35,7 +38,7 @@ def height(evidence: Evidence) -> Finding | None:
         return None
     where = "under" if found.value < 0.0 else "over"
     what = f"bodies at rest lie {1e3 * abs(found.value):.1f} mm {where} the board ({_range(1e3 * found.low, 1e3 * found.high)})"
-    return _finding(rig, abs(found.value) > LARGEST_HEIGHT, f"{what}: board height or body size off?")
+    return _finding(evidence, rig, abs(found.value) > LARGEST_HEIGHT, f"{what}: board height or body size off?")
 
 
 def tilt(evidence: Evidence) -> Finding | None:
@@ -43,9 +46,8 @@ def tilt(evidence: Evidence) -> Finding | None:
     rig = _rig(evidence)
     if rig is None or rig.tilt_degrees < WORTH_TILT or all(one.holds_none for one in rig.tilt):
         return None
-    return _finding(
-        rig, rig.tilt_degrees > LARGEST_TILT, f"the board is tilted by {rig.tilt_degrees:.2f} degrees in the frame of the poses"
-    )
+    what = f"the board is tilted by {rig.tilt_degrees:.2f} degrees in the frame of the poses"
+    return _finding(evidence, rig, rig.tilt_degrees > LARGEST_TILT, what)
 
 
 def length_scale(evidence: Evidence) -> Finding | None:
@@ -58,20 +60,20 @@ def length_scale(evidence: Evidence) -> Finding | None:
     what = (
         f"bodies fall at {fall:.2f} m/s^2: lengths are {100.0 * abs(rig.scale.value):.1f} % too {length}, or the clock is off"
     )
-    return _finding(rig, abs(rig.scale.value) > LARGEST_SCALE, what)
+    return _finding(evidence, rig, abs(rig.scale.value) > LARGEST_SCALE, what)
 
 
 def marker(evidence: Evidence) -> Finding | None:
     """A tracked frame that is not the described body's."""
     rig = _rig(evidence)
-    if rig is None or not rig.rig.has_marker:
+    if rig is None or not rig.rig.has_marker or other_size(evidence) is not None:
         return None
     turn = float(np.degrees(np.linalg.norm(rig.rig.marker_turn)))
     away = 1e3 * float(np.linalg.norm(rig.rig.marker_offset))
     parts = [f"turned by {turn:.1f} degrees"] if turn else []
     parts += [f"{away:.1f} mm away"] if away else []
     what = f"the tracked frame is {' and '.join(parts)} from the described body's"
-    return _finding(rig, turn > LARGEST_TILT or away > 1e3 * LARGEST_HEIGHT, what)
+    return _finding(evidence, rig, turn > LARGEST_TILT or away > 1e3 * LARGEST_HEIGHT, what)
 
 
 def mass_centre(evidence: Evidence) -> Finding | None:
@@ -111,8 +113,11 @@ def _rig(evidence: Evidence) -> RigEstimate | None:
     return None if other_shape(evidence) is not None else evidence.rig
 
 
-def _finding(rig: RigEstimate, large: bool, what: str) -> Finding:
-    return Finding(Severity.FAULT if large else Severity.WARNING, what, MEND, rig=worth_correcting(rig))
+def _finding(evidence: Evidence, rig: RigEstimate, large: bool, what: str) -> Finding:
+    correction = worth_correcting(rig)
+    if other_size(evidence) is not None:  # it explains the heights, which settings would hide
+        correction = replace(correction, height=0.0, marker_offset=NO_CORRECTION.marker_offset)
+    return Finding(Severity.FAULT if large else Severity.WARNING, what, MEND, rig=correction)
 
 
 def _range(low: float, high: float) -> str:

@@ -65,12 +65,12 @@ def interpolated(evidence: Evidence) -> Finding | None:
 
 
 def smoothed(evidence: Evidence) -> Finding | None:
-    """Impacts that are spread over frames, or noise that is not white."""
+    """Impacts that are spread over frames though contacts are firm, or noise that is not white."""
     if evidence.fall is None:
         return None
     sharpness, colour = _sharpness(evidence.survey), _colour(evidence.survey)
-    soft = len(sharpness) >= FEWEST_FALLS and float(np.percentile(sharpness, 90)) < SHARPEST
-    if soft:
+    spread = len(sharpness) >= FEWEST_FALLS and float(np.percentile(sharpness, 90)) < SHARPEST
+    if spread and not evidence.gives_way:
         share = 100.0 * float(np.percentile(sharpness, 90))
         what = f"impacts are spread over several frames ({share:.0f} % of one within two frames, expected 80 % or more)"
     elif colour is not None and colour > WHITEST:

@@ -11,7 +11,8 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.wording import counted_tosses, listed
 
-NUMBERS = re.compile(r"found (-?[\d.]+(?:e-?\d+)?) ?([^\s,]*).*?expected (?:at most|at least|within) (-?[\d.]+(?:e-?\d+)?)")
+NUMBER = r"(-?[\d.]+(?:e-?\d+)?)"
+NUMBERS = re.compile(rf"found {NUMBER}(.*?)(?: (?:at|before) frame \d+)?, expected (?:at most|at least|within) {NUMBER}")
 """In the reasons of gates and segmenter: what was found, its unit, and the bound."""
 
 HINTS = {
@@ -31,6 +32,9 @@ HINTS = {
 DEEP = ("lowest corner of the toss", "depth in the board")
 SOFT = "bodies at rest lie on the board, so impacts press them into it: a firmer board? ContactNets' model has rigid contacts"
 """Hint for `DEEP` ones where height and size are right."""
+
+MOST_PERIODS = 3
+"""Of a gap that a setting may accept: two frames lost at once."""
 
 FEW = 8
 SAME_LENGTH = 1e-4
@@ -52,7 +56,10 @@ def rejected(evidence: Evidence) -> Finding | None:
     if not evidence.mostly_rejected:
         return Finding(Severity.FACT, what)
     hint = SOFT if first in DEEP and evidence.rests_on_board else HINTS.get(first, "")
-    return Finding(Severity.FAULT, what, hint)
+    setting = _wider_gap(reasons[first], evidence.config.inputs.segmenter.largest_gap) if first == "gap" else ""
+    if not setting:
+        return Finding(Severity.FAULT, what, hint)
+    return Finding(Severity.FAULT, what, f"{hint}, or say --set {setting}: one transition spans a gap", settings=(setting,))
 
 
 def never_at_rest(evidence: Evidence) -> Finding | None:
@@ -102,14 +109,26 @@ def few(evidence: Evidence) -> Finding | None:
     return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer identify neither vertices nor friction")
 
 
+def _wider_gap(lines: list[str], largest: float) -> str:
+    """The setting that accepts most gaps; empty where more frames are lost at once than tell what happened between them.
+
+    Args:
+        lines: what the segmenter says of gaps.
+        largest: that it accepts, in frame periods.
+    """
+    gaps = [largest * float(match.group(1)) / float(match.group(3)) for line in lines if (match := NUMBERS.search(line))]
+    periods = round(float(np.median(gaps))) if gaps else 0
+    return f"segmenter.largest_gap={periods + 0.5}" if 0 < periods <= MOST_PERIODS else ""
+
+
 def _sizes(lines: list[str]) -> str:
-    """The median of what was found, in its unit, and the bound."""
+    """The median of what was found, without signs where they differ, in its unit, and the bound."""
     numbers = [match for line in lines if (match := NUMBERS.search(line))]
     if not numbers:
         return ""
-    found = float(np.median([float(each.group(1)) for each in numbers]))
-    unit = numbers[0].group(2)
-    return f" ({found:.3g}{f' {unit}' if unit else ''} in the median, allowed {float(numbers[0].group(3)):.3g})"
+    found = np.array([float(each.group(1)) for each in numbers])
+    median = np.median(found if np.ptp(np.sign(found)) == 0.0 else np.abs(found))
+    return f" ({median:.3g}{numbers[0].group(2)} in the median, allowed {float(numbers[0].group(3)):.3g})"
 
 
 def _shape(toss: Toss) -> str:

@@ -1,0 +1,60 @@
+"""A body of another size than described is named, and no setting hides it; errors of a rig are not taken for it."""
+
+import re
+
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.geometry.polytopes import box
+from contact_curation.pipeline.diagnosis.diagnosis import concluded
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Severity
+from contact_curation.pipeline.diagnosis.findings.body import other_shape, other_size
+from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.pipeline.reading import ReadingConfig
+from test.motion.survey.rigs import Rig, Throws, recorded
+
+SLAB = box([0.06, 0.04, 0.025])
+
+
+def seen(rig: Rig, described: float) -> Evidence:
+    """Evidence of a slab's throws; it is described so many times as large."""
+    body = Body("slab", described * SLAB.vertices, 0.3, CONTACTNETS_CUBE.inertia, 0.3, 0.05)
+    return Evidence(ReadingConfig(body), (Recording("a", series=tuple(recorded(SLAB, rig, Throws(20)))),))
+
+
+@pytest.mark.parametrize(
+    ("described", "severity", "words"),
+    [
+        (0.92, Severity.FAULT, "9 % larger than slab"),
+        (1.10, Severity.FAULT, "9 % smaller than slab"),
+        (0.96, Severity.WARNING, "4 % larger than slab"),
+    ],
+)
+def test_a_body_of_another_size_lies_on_each_face_as_high_as_its_depth_says(
+    described: float, severity: Severity, words: str
+) -> None:
+    evidence = seen(Rig(), described)
+    found = other_size(evidence)
+    assert found is not None
+    assert found.severity == severity
+    assert words in found.what
+    assert "at rest and on " in found.what
+    assert other_shape(evidence) is None
+
+
+def test_settings_do_not_hide_the_size_of_a_body() -> None:
+    alone, short = (concluded(seen(Rig(scale=scale), 0.92)) for scale in (1.0, 1.03))
+    for found in (alone, short):
+        assert "9 % larger" in " ".join((found.verdict, *found.reasons))
+        assert not re.search("tracked frame|bodies at rest lie", " ".join(found.reasons))
+        assert not re.search(r"rig\.height|rig\.marker", found.settings)
+    assert alone.settings == ""
+    assert "rig.scale" in short.settings
+
+
+@pytest.mark.parametrize("rig", [Rig(height=0.004), Rig(height=0.004, marker_offset=(0.004, -0.006, 0.008)), Rig(scale=1.03)])
+def test_a_wrong_board_marker_or_scale_is_no_wrong_size(rig: Rig) -> None:
+    evidence = seen(rig, 1.0)
+    assert evidence.rig is not None
+    assert other_size(evidence) is None
