@@ -43,6 +43,17 @@ def test_stamps_that_were_closed_up_over_lost_frames_are_named(session: Session,
     assert "segmenter.closed_up=true" in found.settings
 
 
+def test_closing_up_is_no_advice_where_the_tracker_wrote_the_stamps(session: Session, tmp_path: Path) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        closed = fixed.closed_up(6)(made, rng)
+        return replace(closed, stamps_ns=closed.stamps_ns + np.rint(3e4 * rng.standard_normal(len(closed.poses))).astype(int))
+
+    fault = Fault("closed up, with jitter", change, "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    assert "stamps were closed up" in found.verdict
+    assert "segmenter.closed_up=true" not in found.settings
+
+
 def test_outliers_are_named_before_the_impacts_that_they_spread(session: Session, tmp_path: Path) -> None:
     def change(made: Session, rng: np.random.Generator) -> Session:
         hit = rng.random(len(made.poses)) < 0.06
