@@ -10,8 +10,8 @@ frame of one flight and the first of the next, n of them stamped, the distance b
 they are nearest, position and the body's reach times the turn. k frames are lost where that distance is within the noise for k
 alone, and clearly not for any other number; and every frame in between lies on one of the flights, at a whole number of
 periods. What several impacts in a row, or a sliding body, leave open stays as it is. Where a flight is shorter than SIDE, four
-frames of it do that lie on it as exactly as the tracker measures. Where both are so short, gravity shows in neither: the body may
-roll on the board from edge to edge, and then both parabolas bend wrongly.
+frames of it do that lie on it as exactly as the tracker measures. Where both are so short, gravity shows in neither: the body
+may roll on the board from edge to edge, and then both parabolas bend wrongly.
 """
 
 from functools import cache
