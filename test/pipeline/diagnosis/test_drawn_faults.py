@@ -17,11 +17,13 @@ from contact_curation.design.throw import throw_of_state
 from contact_curation.motion.survey.falls import survey
 from contact_curation.motion.survey.series import series_of
 from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.findings.body import other_shape
 from contact_curation.pipeline.diagnosis.findings.smoothing import _colour, smoothed
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
 from test.motion.survey.rigs import Rig, Throws, recorded
+from test.simulated import simulated_tosses
 
 
 @pytest.fixture(scope="module")
@@ -165,3 +167,10 @@ def test_recordings_of_other_rates_are_as_sound_as_those_of_148_hz(rate: float) 
     assert evidence.fall.sound
     assert len(evidence.survey.throws) >= 7
     assert smoothed(evidence) is None
+
+
+def test_bodies_that_are_still_off_every_face_are_no_other_shape_where_tosses_end_flat() -> None:
+    series = tuple(recorded(CONTACTNETS_CUBE.polytope, Rig(uneven=(0.3, 1e-4)), Throws(8)))
+    config, tosses = ReadingConfig(CONTACTNETS_CUBE), simulated_tosses(8, 0)
+    assert other_shape(Evidence(config, (Recording("a", series=series),))) is not None
+    assert other_shape(Evidence(config, (Recording("a", series=series, outcomes=tosses),))) is None
