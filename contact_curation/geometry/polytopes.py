@@ -71,6 +71,24 @@ class Polytope:
         faces = zip(*self._faces, strict=True)
         return tuple(np.flatnonzero(offset - self.vertices @ normal <= off) for normal, offset in faces)
 
+    @cached_property
+    def balanced_rise(self) -> float:
+        """How high, at least, both faces beside an edge rise from it while the body is balanced on it [m].
+
+        Of each edge that can be the lowest under the origin, the centre of mass: the face that rises more counts.
+        """
+        rises, faces = [np.inf], {frozenset(face.tolist()) for face in self._vertices_of_faces}
+        for one, other in combinations(faces, 2):
+            edge = one & other
+            if len(edge) == 2:
+                start, end = self.vertices[list(edge)]
+                along = (end - start) / np.linalg.norm(end - start)
+                up = (start @ along) * along - start
+                length, heights = np.linalg.norm(up), (self.vertices - start) @ up
+                if heights.min() > -ON_THE_FACE * np.ptp(self.vertices) * length:
+                    rises.append(max(heights[list(face - edge)].min() for face in (one, other)) / length)
+        return float(min(rises))
+
 
 def checked_corners(vertices: Array) -> Array:
     """Vertices (V, 3), if each of them is a corner of their hull: what lies on an edge, or twice in a place, is no footing.

@@ -19,7 +19,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.geometry.scalars import vector
+from contact_curation.geometry.scalars import Quaternion, Vector, conjugate, rotate, third_row, vector
 from contact_curation.motion.gates import footing, rest_normal
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.toss import NANOSECONDS, Toss
@@ -199,6 +199,27 @@ def calibrated_poses(positions: Array, orientations_wxyz: Array, rig: RigCalibra
         orientations = quaternions.multiply(orientations, quaternions.conjugate(quaternions.exp(rig.marker_turn)))
         levelled = levelled + quaternions.rotate(orientations, rig.marker_offset)
     return levelled, orientations
+
+
+class CornerHeights:
+    """Heights of a body's corners over the board, one pose at a time: those that `calibrated_poses` give them."""
+
+    def __init__(self, vertices: Array, rig: RigCalibration) -> None:
+        if rig.has_marker:
+            vertices = quaternions.rotate(quaternions.exp(-np.array(rig.marker_turn)), vertices + np.array(rig.marker_offset))
+        self._corners = [vector(corner) for corner in vertices]  # in the tracked frame
+        self._up, self._scale = vector(rig.up), rig.scale
+        self._board = rig.height + rig.scale * (float(rig.up @ rig.centre) - rig.centre[2])
+        self._level = not (rig.normal[0] or rig.normal[1])
+
+    def __call__(self, position: Vector, orientation_wxyz: Quaternion) -> list[float]:
+        """(V,) [m]."""
+        if self._level:
+            (a, b, c), z = third_row(orientation_wxyz), self._scale * position[2] - self._board
+        else:
+            (x, y, z), (p, q, r) = position, self._up
+            (a, b, c), z = rotate(conjugate(orientation_wxyz), self._up), self._scale * (p * x + q * y + r * z) - self._board
+        return [a * u + b * v + c * w + z for u, v, w in self._corners]
 
 
 def calibrated_vectors(vectors: Array, rig: RigCalibration) -> Array:

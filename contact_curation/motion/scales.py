@@ -46,6 +46,7 @@ class BodyScale:
     Attributes:
         size: [m]; see above.
         reach: [m].
+        balanced_rise: of the polytope [m].
         axes: (3, 3) principal axes of inertia in the body's frame, as columns.
         moments: (3,) inertia about them [kg m^2].
         levers: (3,) how fast a push of 1 m/s at a vertex turns the body about each of them, at most [rad/m].
@@ -55,6 +56,7 @@ class BodyScale:
 
     size: float
     reach: float
+    balanced_rise: float
     axes: Array
     moments: Array
     levers: Array
@@ -79,6 +81,7 @@ def scale_of(body: TossedBody) -> BodyScale:
     return BodyScale(
         size_of(vertices),
         float(np.sqrt(np.square(vertices).sum(axis=1).max())),
+        body.polytope.balanced_rise,
         axes,
         moments,
         levers,

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.scalars import Quaternion, Vector, third_row
-from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
+from contact_curation.geometry.scalars import Quaternion, Vector
+from contact_curation.motion.calibration import NO_CORRECTION, CornerHeights, RigCalibration
 from contact_curation.motion.pose_noise import TrackerScale
 from contact_curation.motion.pose_stream import PoseRun, finite, reading_state, stamped_pose, whole, whole_or_none
 from contact_curation.motion.scales import TossedBody, scale_of
@@ -107,7 +107,7 @@ class TossSegmenter:
         self.body = body.name
         self.source = source
         self._polytope = body.polytope
-        self._corners: list[Vector] = [(x, y, z) for x, y, z in self._polytope.vertices.tolist()]
+        self._heights = CornerHeights(self._polytope.vertices, rig)
         self._run: list[Frame] = []
         self._fall = FallDetector()
         self._steps_ns: list[int] = []
@@ -417,9 +417,7 @@ class TossSegmenter:
         return heights[2] - heights[0] <= self._bounds.flat_tolerance
 
     def _corner_heights(self, frame: Frame) -> list[float]:
-        a, b, c = third_row(frame.orientation_wxyz)
-        z = frame.position[2] - self._rig.height
-        return [a * u + b * v + c * w + z for u, v, w in self._corners]
+        return self._heights(frame.position, frame.orientation_wxyz)
 
     def _close(self, why: str) -> tuple[Toss | Rejected, ...]:
         """Ends the run; its toss is complete if it rests, else rejected."""

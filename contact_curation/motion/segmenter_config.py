@@ -19,6 +19,9 @@ FALL_TOLERANCE, FALL_MEAN_TOLERANCE = 3.0 / RIG_GRAVITY, 1.0 / RIG_GRAVITY
 WIDEST_FALL = 0.75
 """Of gravity: a body at rest does not fall, however noisy its poses are."""
 
+ON_AN_EDGE, FLATTEST = 1.0 / 3.0, 0.01
+"""Shares of `BodyScale.balanced_rise`, and of the reach: no body is described better, or lies flatter."""
+
 STILL_NOISE = 8.0
 """A body at rest may move by so many standard deviations of a position."""
 
@@ -47,7 +50,8 @@ class SegmenterConfig:
         rest_displacement: largest displacement between frames of a body at rest [m]; by default 0.0057 size [0.0003].
         rest_frames: number of successive displacements of a body at rest; over 150 frames a second more, for the same time.
         flat_tolerance: largest height over the lowest vertex of the three vertices on which a body lies flat [m]; by default
-            0.055 reach [0.005].
+            0.055 reach [0.005], or less where a body that is balanced on an edge is nearly as flat: a third of how high both
+            faces beside it rise, at least 0.01 reach.
         rest_height: largest height of the body's origin at rest [m]; inf for no bound.
         shortest: shortest duration of a toss [s]; by default 4.1 sqrt(size / g), at most 0.3.
         lowest_corner: largest distance from the board to the lowest vertex of a whole toss [m]; by default 0.134 size
@@ -118,6 +122,7 @@ class SegmenterConfig:
         """The bounds for a body and its tracker."""
         gravity = self.gravity or body.gravity
         vertex, position = LENGTH_NOISE * tracker.at(body.reach), RIG_NOISE * tracker.position
+        flat = min(0.005 / 0.09075946 * body.reach, max(body.balanced_rise * ON_AN_EDGE, FLATTEST * body.reach))
         quiet = self.rest_displacement or 0.3e-3 / 0.0524 * body.size
         displacement = self.rest_displacement or max(quiet, STILL_NOISE * position)
         return SegmenterBounds(
@@ -128,7 +133,7 @@ class SegmenterConfig:
             settle_time=self.settle_time or 4.1047822 * body.time,
             rest_displacement=displacement,
             rest_travel=max(self.rest_frames * quiet, displacement),
-            flat_tolerance=self.flat_tolerance or max(0.005 / 0.09075946 * body.reach, vertex),
+            flat_tolerance=self.flat_tolerance or max(flat, vertex),
             shortest=self.shortest or min(4.1047822 * body.time, SHORTEST),
             lowest_corner=self.lowest_corner or max(0.007 / 0.0524 * body.size, vertex),
             airborne_clearance=self.airborne_clearance or max(0.010 / 0.0524 * body.size, vertex),

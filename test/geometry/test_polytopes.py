@@ -28,6 +28,17 @@ def test_a_cube_stands_on_a_face_on_an_edge_and_on_a_corner() -> None:
     np.testing.assert_allclose(np.sort(edge)[:3], [0, 0, np.sqrt(0.5)], atol=1e-12)
 
 
+def test_faces_beside_an_edge_rise_less_the_more_there_are() -> None:
+    assert box([0.5, 0.5, 0.5]).balanced_rise == pytest.approx(np.sqrt(0.5))
+    angles = np.arange(12) * np.pi / 6
+    prism = Polytope(np.array([(np.cos(angle), np.sin(angle), z) for angle in angles for z in (-1.5, 1.5)]))
+    assert prism.balanced_rise == pytest.approx(1.0 - np.cos(np.pi / 6))
+
+
+def test_a_plate_on_its_broad_face_is_far_from_an_edge() -> None:
+    assert box([0.1, 0.1, 0.004]).balanced_rise > 0.1
+
+
 def test_the_box_of_a_cube_has_contactnets_corners() -> None:
     ours = {tuple(corner) for corner in box([0.0524] * 3).vertices}
     assert ours == {tuple(corner) for corner in CONTACTNETS_CUBE.vertices}

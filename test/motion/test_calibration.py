@@ -9,10 +9,13 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
+from contact_curation.geometry.scalars import vector
 from contact_curation.motion.calibration import (
     NO_CORRECTION,
+    CornerHeights,
     RigCalibration,
     apply_calibration,
+    calibrated_poses,
     calibration_of,
     measurements_of,
 )
@@ -73,6 +76,22 @@ def test_what_is_corrected_is_still_one_motion(tosses: tuple[Toss, ...]) -> None
     heights = CUBE.corner_heights(mended.positions, mended.orientations_wxyz)
     assert np.ptp(np.sort(heights[-1])[:4]) < 1e-3
     assert mended.toss_id == tosses[0].toss_id
+
+
+@pytest.mark.parametrize(
+    "rig",
+    [
+        NO_CORRECTION,
+        RigCalibration(scale=1.02, height=0.01, centre=(0.3, -0.2, 0.1)),
+        RigCalibration((0.05, -0.03, 2.0), (0.3, -0.2, 0.1), 0.97, -0.02, (0.03, -0.05, 0.02), (0.004, 0.002, -0.003)),
+    ],
+)
+def test_corners_of_one_pose_are_as_high_as_those_of_the_calibrated_toss(tosses: tuple[Toss, ...], rig: RigCalibration) -> None:
+    expected = CUBE.corner_heights(*calibrated_poses(tosses[0].positions, tosses[0].orientations_wxyz, rig))
+    heights = CornerHeights(CUBE.vertices, rig)
+    orientations = [(w, x, y, z) for w, x, y, z in tosses[0].orientations_wxyz.tolist()]
+    found = [heights(vector(place), turn) for place, turn in zip(tosses[0].positions, orientations, strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_a_normal_may_have_any_length(tosses: tuple[Toss, ...]) -> None:

@@ -90,6 +90,14 @@ def test_for_the_cube_at_its_rig_the_bounds_are_the_published_ones() -> None:
     assert (rules.shortest, rules.settle_time, rules.rest_displacement) == pytest.approx((0.3, 0.3, 0.3e-3))
 
 
+def test_a_prism_of_many_sides_lies_flat_only_far_from_its_edges() -> None:
+    """Rolling over an edge from balance, the next vertices come down from 5.4 mm."""
+    angles = np.arange(12) * np.pi / 6
+    vertices = np.array([(0.04 * np.cos(angle), 0.04 * np.sin(angle), z) for angle in angles for z in (-0.06, 0.06)])
+    prism = scale_of(replace(CONTACTNETS_CUBE, name="prism", vertices=vertices))
+    assert SegmenterConfig().bounds(prism, RIG).flat_tolerance == pytest.approx(0.04 * (1.0 - np.cos(np.pi / 6)) / 3.0)
+
+
 @pytest.mark.parametrize("rate", [120, 150, 250])
 def test_noise_of_which_nothing_is_said_rejects_one_falling_frame_in_100_000(rate: int) -> None:
     """From `LOUD` times the noise on a line says what to set."""

@@ -14,8 +14,9 @@ from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
-from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.geometry.scalars import ScalarPose, compose, rotate
 from contact_curation.motion.body_tracker import BodyPose
+from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import kinematics
@@ -242,6 +243,15 @@ def test_a_body_held_still_but_not_flat_is_not_at_rest() -> None:
     config = SegmenterConfig(lowest_corner=0.02)
     assert "expected the body at rest" in reasons(cut(tilted, config))
     assert isinstance(only(cut(tilted, replace(config, flat_tolerance=0.02))), Toss)
+
+
+def test_on_a_board_that_is_known_to_be_tilted_a_toss_is_cut_as_on_a_level_one() -> None:
+    turn = (float(np.cos(0.04)), float(np.sin(0.04)), 0.0, 0.0)
+    tilted = [BodyPose(one.stamp_ns, compose(ScalarPose((0.0, 0.0, 0.0), turn), one.pose)) for one in stream()]
+    rig = RigCalibration(rotate(turn, (0.0, 0.0, 1.0)))
+    segmenter = TossSegmenter(SegmenterConfig(), CUBE, source="/odom", rig=rig)
+    toss, level = tossed([*pushed(segmenter, tilted), *segmenter.flush()]), tossed(cut(stream()))
+    np.testing.assert_array_equal(toss.stamps_ns, level.stamps_ns)
 
 
 def test_the_rest_height_of_contactnets_is_an_option() -> None:

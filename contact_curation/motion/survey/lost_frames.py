@@ -10,7 +10,8 @@ frame of one flight and the first of the next, n of them stamped, the distance b
 they are nearest, position and the body's reach times the turn. k frames are lost where that distance is within the noise for k
 alone, and clearly not for any other number; and every frame in between lies on one of the flights, at a whole number of
 periods. What several impacts in a row, or a sliding body, leave open stays as it is. Where a flight is shorter than SIDE, four
-frames of it do that lie on it as exactly as the tracker measures.
+frames of it do that lie on it as exactly as the tracker measures. Where both are so short, gravity shows in neither: the body
+may roll on the board from edge to edge, and then both parabolas bend wrongly.
 """
 
 from functools import cache
@@ -43,7 +44,10 @@ FLIES, LEAVES, MEETS = 12.0 * RIG_NOISE, 6.0, 27.0 * RIG_NOISE
 """[m] Largest misfit of a flight (rms); times it, that of a frame that is of it no more; largest distance of two that meet."""
 
 CLEARLY = 4.0
-"""Times `MEETS`, and what was found: the distance for every other number of lost frames."""
+"""Times what was found: the distance for every other number of lost frames; and at least `MEETS`."""
+
+BENDS = 3.0
+"""Times what gravity bends a path in a period: that distance, too, where gravity shows in no flight."""
 
 SLOWEST = 45.0 * RIG_NOISE
 """[m] A body that moves less in a period gives no time away."""
@@ -61,6 +65,7 @@ class _Flight(NamedTuple):
     turn: Array
     fall: Array
     misfit: float
+    seen_to_fall: bool
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Positions (N, 3) and orientations (N, 4)."""
@@ -142,10 +147,10 @@ class _Poses(NamedTuple):
         off = rows - (start + times[:, np.newaxis] * rate)
         off[:, 3:] *= self.reach
         turned = quaternions.multiply(self.orientations_wxyz[anchor], quaternions.exp(start[3:]))
-        misfit = float(np.sqrt(np.mean(off**2)))
-        if count > SHORT and abs(bends @ self.positions[frames, 2] - self.fall[2]) > FALLS * abs(self.fall[2]):
+        misfit, long = float(np.sqrt(np.mean(off**2))), count > SHORT
+        if long and abs(bends @ self.positions[frames, 2] - self.fall[2]) > FALLS * abs(self.fall[2]):
             misfit = np.inf
-        return _Flight(start[:3], rate[:3], turned, rate[3:], self.fall, misfit)
+        return _Flight(start[:3], rate[:3], turned, rate[3:], self.fall, misfit, long)
 
     def _turns(self, anchor: int, frames: slice) -> Array:
         back = quaternions.conjugate(self.orientations_wxyz[anchor])
@@ -180,7 +185,8 @@ class _Poses(NamedTuple):
         distances = np.array([distance for distance, _ in nearest])
         lost = int(distances.argmin())
         others = np.delete(distances, lost).min()
-        if distances[lost] > MEETS or others < CLEARLY * max(distances[lost], MEETS / CLEARLY):
+        bent = 0.0 if before.seen_to_fall or after.seen_to_fall else BENDS * abs(self.fall[2])
+        if distances[lost] > MEETS or others < max(CLEARLY * distances[lost], MEETS, bent):
             return []
         times, span, moment = [0], int(spans[lost]), nearest[lost][1]
         whole = np.arange(1.0, span)

@@ -77,3 +77,13 @@ def test_a_shift_that_stays_is_no_lost_frame() -> None:
     positions, orientations = bounced([40.4])
     positions[20:] += [0.004, 0.0, -0.006]
     assert found((positions, orientations)) == {}
+
+
+def test_a_change_of_edge_in_slow_rolling_is_no_lost_frame() -> None:
+    """What the board carries does not fall: parabolas through few frames of it bend wrongly, by 0.4 mm at 148 Hz."""
+    period, at = 1.0 / 148.0, np.arange(40) - 20.5
+    times = period * at[:, np.newaxis]
+    path = np.where(times < 0.0, times * [0.041, 0.0, 0.081], times * [0.023, 0.0, -0.006])
+    orientations = quaternions.exp(np.where(times < 0.0, times * [0.0, -3.738, 0.0], times * [0.0, 0.24, 0.0]))
+    positions = path + RIG_NOISE * np.random.default_rng(0).standard_normal((40, 3))
+    assert not lost_frames(positions, orientations, period, REACH, GRAVITY).any()

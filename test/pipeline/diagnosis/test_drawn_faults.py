@@ -19,12 +19,14 @@ from contact_curation.motion.survey.falls import survey
 from contact_curation.motion.survey.series import series_of
 from contact_curation.pipeline.diagnosis import diagnose
 from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.findings.body import other_shape
 from contact_curation.pipeline.diagnosis.findings.smoothing import _colour, smoothed
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
 from contact_curation.storage.inputs.inputs import InputsConfig
 from test.motion.survey.rigs import Rig, Throws, recorded
+from test.simulated import simulated_tosses
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,17 @@ def test_stamps_that_were_closed_up_over_lost_frames_are_named(session: Session,
     found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
     assert "stamps were closed up" in found.verdict
     assert "segmenter.closed_up=true" in found.settings
+
+
+def test_closing_up_is_no_advice_where_the_tracker_wrote_the_stamps(session: Session, tmp_path: Path) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        closed = fixed.closed_up(6)(made, rng)
+        return replace(closed, stamps_ns=closed.stamps_ns + np.rint(3e4 * rng.standard_normal(len(closed.poses))).astype(int))
+
+    fault = Fault("closed up, with jitter", change, "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    assert "stamps were closed up" in found.verdict
+    assert "segmenter.closed_up=true" not in found.settings
 
 
 def test_outliers_are_named_before_the_impacts_that_they_spread(session: Session, tmp_path: Path) -> None:
@@ -170,3 +183,10 @@ def test_recordings_of_other_rates_are_as_sound_as_those_of_148_hz(rate: float) 
     assert evidence.fall.sound
     assert len(evidence.survey.throws) >= 7
     assert smoothed(evidence) is None
+
+
+def test_bodies_that_are_still_off_every_face_are_no_other_shape_where_tosses_end_flat() -> None:
+    series = tuple(recorded(CONTACTNETS_CUBE.polytope, Rig(uneven=(0.3, 1e-4)), Throws(8)))
+    config, tosses = ReadingConfig(CONTACTNETS_CUBE), simulated_tosses(8, 0)
+    assert other_shape(Evidence(config, (Recording("a", series=series),))) is not None
+    assert other_shape(Evidence(config, (Recording("a", series=series, outcomes=tosses),))) is None

@@ -45,9 +45,12 @@ def other_unit(evidence: Evidence) -> Finding | None:
 
 
 def other_shape(evidence: Evidence) -> Finding | None:
-    """Bodies that come to rest on none of the described faces, or higher on some than others."""
+    """Bodies that come to rest on none of the described faces, or higher on some than others.
+
+    Tosses end flat on a described face. Where most motions are tosses, what is still for a moment off every face rolls.
+    """
     found = off_flat(evidence)
-    if found is not None and found["as read"] > ASKEW:
+    if found is not None and found["as read"] > ASKEW and evidence.mostly_rejected:
         what = f"bodies at rest stand {found['as read']:.0f} degrees off every face of {evidence.body.name} as described"
     elif evidence.rig is not None and evidence.rig.left_over > UNEVEN and _size_by_faces(evidence, evidence.rig) is None:
         uneven = 1e3 * evidence.rig.left_over

@@ -21,6 +21,9 @@ EVEN, MOSTLY = 0.25, 0.9
 FEWEST_CLOSED_UP, MOST_CLOSED_UP = 2, 0.05
 """Places at which frames are lost: fewer are no word worth; more, for each motion, are a fault."""
 
+WRITTEN = 1e-3
+"""Stamps that were written at a rate are even to this share of a period; those of a tracker are not."""
+
 
 def zero(evidence: Evidence) -> Finding | None:
     """Drivers that do not fill header.stamp."""
@@ -117,6 +120,12 @@ def closed_up(evidence: Evidence) -> Finding | None:
     severity = Severity.FAULT if many or evidence.mostly_rejected else Severity.WARNING
     longest = f"{max(lost) + 1} periods" if max(lost) == min(lost) else f"{min(lost) + 1} to {max(lost) + 1} periods"
     what = f"frames are lost in {len(lost)} places, and their stamps were closed up: {longest} of motion in one step"
-    setting = "segmenter.closed_up=true"
-    remedy = f"say --set {setting}, or stamp each pose with the time of its image"
-    return Finding(severity, what, remedy, settings=(setting,))
+    remedy, setting = "stamp each pose with the time of its image", "segmenter.closed_up=true"
+    if not all(_written_at_a_rate(recording.measured.stamps_ns) for recording, _ in evidence.series):
+        return Finding(severity, what, remedy)
+    return Finding(severity, what, f"say --set {setting}, or {remedy}", settings=(setting,))
+
+
+def _written_at_a_rate(stamps_ns: NDArray[np.int64]) -> bool:
+    steps = np.diff(stamps_ns)
+    return not len(steps) or bool(np.median(np.abs(steps - np.median(steps))) < WRITTEN * np.median(steps))
