@@ -159,5 +159,5 @@ def test_the_number_of_starts_is_a_setting_that_a_checkpoint_keeps(data: Transit
     assert all((again[name] == one).all() for name, one in fitted.model.tensors().items())
     resumed = training_of_bytes(checkpoint_bytes(fitted, {}), "here", data, None, CONTACTNETS_CUBE)
     assert resumed.config.starts == 2
-    with pytest.raises(InvalidValueError, match="starts: found 0, expected at least 1"):
+    with pytest.raises(InvalidValueError, match="starts: found 0, expected a whole number of at least 1"):
         replace(EXACT, starts=0)
