@@ -67,6 +67,17 @@ def implausible(body: BodyNumbers) -> tuple[str, ...]:
     return (*_of_density(body), *_of_inertia(body), *_of_friction(body), *_of_scale(body), *_of_gravity(body))
 
 
+def check_width(vertices: Array, density: float) -> None:
+    """Refuses vertices (V, 3) of a body of `density` [kg/m^3] that nobody tosses.
+
+    Raises:
+        InvalidValueError: they are too far apart to be in metres.
+    """
+    width = float(np.ptp(vertices, axis=0).max())
+    if width > WIDEST:
+        raise InvalidValueError("vertices", f"a body {width:.3g} m wide", f"metres{_length_unit(width, density)}")
+
+
 def _of_density(body: BodyNumbers) -> Iterator[str]:
     width = _width(body)
     density = body.mass / body.volume

@@ -164,6 +164,11 @@ FAR = [[2e12, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]]
         (["half_extents"], {"vertices": FAR}, "vertices: found 2e+12, expected metres, at most 1e+12"),
         (["mass"], {}, "missing key: mass (e.g. 0.23)"),
         (["mass", "inertia"], {}, "missing keys: mass (e.g. 0.23), inertia (e.g. [0.000399, 0.000346, 0.000192])"),
+        (
+            ["inertia"],
+            {"half_extents": [60, 40, 30], "mass": 0.4},
+            "vertices: found a body 120 m wide, expected metres: are they in mm?",
+        ),
         (["inertia"], {"mass": 0.6}, "missing key: inertia (e.g. [0.00104, 0.0009, 0.0005])"),
         (
             ["name", "friction", "length_scale"],
