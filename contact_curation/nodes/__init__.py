@@ -41,8 +41,8 @@ def _leave() -> None:
 def _runs_a_node() -> bool:
     """Whether this process was started to run one: `python -m contact_curation.nodes.trainer`, or a script `trainer`."""
     if sys.argv[0] == "-m":
-        return True
-    return Path(sys.argv[0]).stem in {path.stem for path in Path(__file__).parent.glob("*.py")}
+        return any(word.startswith(f"{__name__}.") for word in sys.orig_argv)
+    return Path(sys.argv[0]).name in {path.stem for path in Path(__file__).parent.glob("*.py")}  # no user's `trainer.py`
 
 
 if _runs_a_node():
