@@ -76,7 +76,7 @@ PLACES = (
      r"--set gates\.dpth: did you mean gates\.depth\?"),
     ("a word for a number", 1, f"rank wedge.mcap {OWN} --set gates.depth=deep",
      r"--set: found gates\.depth=deep, expected .* float"),
-    ("none selected", 2, f"rank wedge.mcap {OWN} --top 0", r"--top: found 0, expected 1 to "),
+    ("none selected", 2, f"rank wedge.mcap {OWN} --top 0", r"--top: found 0, expected a whole number from 1 to "),
     ("no input", 2, "rank", r"required: INPUT \(usage: contact-curation rank --help\)"),
     ("an unknown ending", 2, f"rank wedge.mcap {OWN} --out ranked.xls",
      r"ranked\.xls, expected a name ending in \.parquet or \.csv"),

@@ -120,7 +120,7 @@ def test_the_first_page_of_the_face_works_as_it_stands(bench: Path) -> None:
     code = page.partition("```python\n")[2].partition("```")[0]
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=bench)
     assert done.returncode == 0, done.stderr
-    assert "evaluated on 21 of 24 tosses" in done.stdout
+    assert "evaluated on 13 of 24 tosses" in done.stdout  # which the model did not learn from
 
 
 def test_without_a_body_a_warning_says_that_the_cube_is_assumed(bench: Path) -> None:
