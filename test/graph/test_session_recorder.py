@@ -65,7 +65,7 @@ def test_everything_is_recorded_and_a_kill_costs_nothing_that_was_latched(graph:
     node = graph.listener.node
     toss = node.create_publisher(Toss, "toss", latched(256))
     poses = node.create_publisher(Odometry, "tagslam/odom/body_cube", latched(4096))
-    truth = node.create_publisher(String, "truth", profile(100, reliable=True, latched=False))
+    truth = node.create_publisher(String, "truth", profile(1000, reliable=True, latched=False))
     rough = node.create_publisher(Float64MultiArray, "rough", profile(100, reliable=False, latched=False))
     publishers = toss, poses, truth, rough
 
