@@ -63,8 +63,8 @@ class SessionState:
 
     @property
     def is_scored(self) -> bool:
-        """Whether every toss was scored, and ranked at one theta."""
-        return self.scored == self.ranked == len(self.tosses)
+        """Whether every toss was scored at one theta, and the buffer was selected from all of them."""
+        return self.scored == self.ranked == self.buffer.seen == len(self.tosses)
 
     @property
     def is_trained(self) -> bool:

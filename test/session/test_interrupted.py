@@ -11,6 +11,7 @@ from contact_curation.session import report
 from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.state import SessionState
 from contact_curation.session.summary import SessionSummary, summary_of
+from contact_curation.stages.records import BufferRecord
 
 
 class Ranked:
@@ -63,3 +64,9 @@ def test_the_same_tosses_in_the_same_order_are_the_same(
     summary: SessionSummary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert replayed(replace(summary, selected=("a", "b")), tmp_path, monkeypatch)[0]
+
+
+def test_a_buffer_that_was_selected_from_fewer_tosses_than_are_scored_is_not_the_last_one() -> None:
+    state = SessionState(tosses=("a", "b"), scored=2, ranked=2, buffer=BufferRecord(seen=1))
+    assert not state.is_scored
+    assert replace(state, buffer=BufferRecord(seen=2)).is_scored
