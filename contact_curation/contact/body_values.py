@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from contact_curation.contact.plausibility import check_width, derived_scale
+from contact_curation.contact.plausibility import check_lengths, derived_scale
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnknownNameError
 from contact_curation.geometry.numbers import number, numbers, shortened
 from contact_curation.geometry.polytopes import Polytope, box, checked_corners
@@ -60,7 +60,7 @@ def body_of_mapping(content: Mapping[str, Any]) -> dict[str, Any]:
     missing = [key for key in REQUIRED if key not in content]
     if missing:
         volume = of_hull(vertices).mass
-        check_width(vertices, number("mass", content["mass"]) / volume if "mass" in content else LIKELY_DENSITY)
+        check_lengths(vertices, number("mass", content["mass"]) / volume if "mass" in content else LIKELY_DENSITY)
         raise MissingKeyError({key: _example(key, content, vertices) for key in missing})
     return {
         "name": str(content["name"]),

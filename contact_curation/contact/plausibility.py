@@ -67,24 +67,22 @@ def implausible(body: BodyNumbers) -> tuple[str, ...]:
     return (*_of_density(body), *_of_inertia(body), *_of_friction(body), *_of_scale(body), *_of_gravity(body))
 
 
-def check_width(vertices: Array, density: float) -> None:
-    """Refuses vertices (V, 3) of a body of `density` [kg/m^3] that nobody tosses.
+def check_lengths(vertices: Array, density: float) -> None:
+    """Refuses vertices (V, 3) that cannot be in metres, of a body of this density [kg/m^3].
 
     Raises:
-        InvalidValueError: they are too far apart to be in metres.
+        InvalidValueError: it is wider than what is tossed, or lighter than air.
     """
-    width = float(np.ptp(vertices, axis=0).max())
-    if width > WIDEST:
-        raise InvalidValueError("vertices", f"a body {width:.3g} m wide", f"metres{_length_unit(width, density)}")
-
-
-def _of_density(body: BodyNumbers) -> Iterator[str]:
-    width = _width(body)
-    density = body.mass / body.volume
+    width = _width(vertices)
     if width > WIDEST or density < LIGHTEST:
         found = f"a body {width:.3g} m wide" + (f" of {density:.2g} kg/m^3, lighter than air" if density < LIGHTEST else "")
         raise InvalidValueError("vertices", found, f"metres{_length_unit(width, density)}")
-    if _origin_outside(body.vertices, ROUNDING * width):
+
+
+def _of_density(body: BodyNumbers) -> Iterator[str]:
+    density = body.mass / body.volume
+    check_lengths(body.vertices, density)
+    if _origin_outside(body.vertices, ROUNDING * _width(body.vertices)):
         found = "the centre of mass, their origin, lies outside of their hull"
         raise InvalidValueError("vertices", found, "vertices about it, or about another point with center_of_mass")
     if density > HEAVIEST:
@@ -132,7 +130,7 @@ def _of_scale(body: BodyNumbers) -> Iterator[str]:
     scale, usual = body.length_scale, derived_scale(body.volume)
     off = max(scale / usual, usual / scale)
     if off > FARTHEST_SCALE:
-        found = f"{scale:g} m for a body {_width(body):.3g} m wide"
+        found = f"{scale:g} m for a body {_width(body.vertices):.3g} m wide"
         units = [unit for unit, metres in LENGTHS.items() if 0.2 < scale * metres / usual < 5.0]
         question = f": is it in {units[0]} ({LENGTHS[units[0]] * scale:g} m)?" if units else ""
         raise InvalidValueError("length_scale", found, f"metres, about {usual:.3g}{question}")
@@ -155,8 +153,8 @@ def _origin_outside(vertices: Array, tolerance: float) -> bool:
     return float(ConvexHull(vertices).equations[:, 3].max()) > tolerance
 
 
-def _width(body: BodyNumbers) -> float:
-    return float(np.ptp(body.vertices, axis=0).max())
+def _width(vertices: Array) -> float:
+    return float(np.ptp(vertices, axis=0).max())
 
 
 def _listed(moments: Array) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from contact_curation.dashboard.figures.motion import MotionPicture, PicturedToss, Track, save_motion_figure
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, Spread
 from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
 from contact_curation.learning.evaluation.misfit import sliding_in_words, sliding_of, sticking_in_words
@@ -117,9 +118,7 @@ class Evaluation:
         """What they say against the first model's friction; empty for nothing."""
         rows = {one.name: one for one in self.known.parameters} if self.known else {}
         learned = rows.get("friction")
-        if learned is None:
-            return ""
-        return sliding_in_words(self.sliding, learned.value, float(np.sqrt(learned.interval**2 - learned.misfit**2)))
+        return "" if learned is None else sliding_in_words(self.sliding, learned.value, learned.interval_of_fit)
 
     @cached_property
     def sticking_misfit(self) -> str:
@@ -128,7 +127,7 @@ class Evaluation:
             return ""
         model = self.models[0].model
         data = transitions_of((*self.tosses.fitted, *self.tosses.judged_by), model.body.length_scale)
-        return sticking_in_words(data, model.geometry(), model.body)
+        return sticking_in_words(as_described(data, model.geometry(), model.body), model.geometry(), model.body)
 
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""

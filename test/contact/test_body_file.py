@@ -167,7 +167,7 @@ FAR = [[2e12, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]]
         (
             ["inertia"],
             {"half_extents": [60, 40, 30], "mass": 0.4},
-            "vertices: found a body 120 m wide, expected metres: are they in mm?",
+            "vertices: found a body 120 m wide of 6.9e-07 kg/m^3, lighter than air, expected metres: are they in mm?",
         ),
         (["inertia"], {"mass": 0.6}, "missing key: inertia (e.g. [0.00104, 0.0009, 0.0005])"),
         (

@@ -11,8 +11,9 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.rollout import rollout
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.rebounds import rebounds
-from contact_curation.motion.survey.sliding import Sliding, sliding
+from contact_curation.motion.survey.sliding import NORMAL_95, Sliding, sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, states_of, transitions_of
 
@@ -32,8 +33,6 @@ RESTING = 8
 
 NOISY = 3.0
 """Standard deviations at rest by which noise lowers the lowest of some hundred frames."""
-
-NORMAL_95 = 1.96
 
 VARYING = 0.1
 """Standard deviation of frictions over tosses, relative to their median: the real cube's is 0.05."""
@@ -99,8 +98,7 @@ def variation_in_words(found: Sliding | None) -> str:
 
 def sliding_of(tosses: Sequence[Toss], body: Body) -> Sliding | None:
     """Frictions of the tosses that slide; None of fewer than `FEWEST_SLIDING`."""
-    radius = float(np.linalg.norm(body.vertices, axis=1).max())
-    found = sliding(tosses, radius, body.gravity)
+    found = sliding(tosses, _reach(body), body.gravity)
     return found if len(found.friction) >= FEWEST_SLIDING else None
 
 
@@ -124,7 +122,7 @@ def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body:
     """How seldom contacts slide, if so seldom that the learned friction is too low; else empty.
 
     Args:
-        data: that it was learned from.
+        data: that it was learned from, as theta describes it (`information.impacts.as_described`).
         geometry: learned, to the optimum; None otherwise, and for a network.
         body: that moves.
     """
@@ -145,12 +143,15 @@ def sliding_share(data: Transitions, geometry: ContactGeometry, body: Body) -> f
     impulses = evaluate(geometry, body, data.before, data.after, data.dt).impulses
     normal = impulses[:, :, 0].sum(axis=1)
     tangential = np.linalg.norm(impulses[:, :, 1:], axis=2).sum(axis=1)
-    radius = float(np.linalg.norm(body.vertices, axis=1).max())
-    speeds = np.hypot(
-        body.length_scale * np.linalg.norm(data.before[:, 7:9], axis=1), radius * np.linalg.norm(data.before[:, 10:], axis=1)
-    )
+    along, spins = (np.linalg.norm(data.before[:, part], axis=1) for part in (slice(7, 9), slice(10, 13)))
+    speeds = np.hypot(body.length_scale * along, _reach(body) * spins)
     moving = (normal > LOADED * body.mass * body.scaled_gravity * data.dt) & (speeds > MOVING)
     return float(np.mean(tangential[moving] > USED_UP * normal[moving])) if moving.any() else None
+
+
+def _reach(body: Body) -> float:
+    """Distance of its farthest corner from its centre [m]."""
+    return float(np.linalg.norm(body.vertices, axis=1).max())
 
 
 def misfits(tosses: Sequence[Toss], body: Body, geometry: ContactGeometry | None, *, bounces: bool) -> tuple[str, ...]:
@@ -163,10 +164,11 @@ def misfits(tosses: Sequence[Toss], body: Body, geometry: ContactGeometry | None
         bounces: whether the model has a restitution.
     """
     bounce = "" if bounces else bounce_in_words(tosses, body)
+    data = as_described(transitions_of(tosses, body.length_scale), geometry, body)
     lines = (
         bounce,
         softness_in_words(tosses, body),
         variation_in_words(sliding_of(tosses, body)),
-        "" if bounce else sticking_in_words(transitions_of(tosses, body.length_scale), geometry, body),
+        "" if bounce else sticking_in_words(data, geometry, body),
     )
     return tuple(line for line in lines if line)

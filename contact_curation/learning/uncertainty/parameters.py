@@ -75,9 +75,6 @@ class KnownConfig:
                 raise InvalidValueError(f"known.{name}", getattr(self, name), "a positive number")
 
 
-NORMAL_95 = 1.96
-
-
 class KnownParameter(NamedTuple):
     """One parameter and its standard deviations.
 
@@ -101,6 +98,11 @@ class KnownParameter(NamedTuple):
     deviation: float
     interval: float
     misfit: float = 0.0
+
+    @property
+    def interval_of_fit(self) -> float:
+        """The interval without the misfit."""
+        return float(np.sqrt(max(self.interval**2 - self.misfit**2, 0.0)))
 
 
 class KnownVertex(NamedTuple):
@@ -183,7 +185,7 @@ def _beside_sliding(row: KnownParameter, sliding: Sliding) -> KnownParameter:
     """A friction with its distance from that of sliding bodies, which its interval contains, too."""
     if row.name != "friction":
         return row
-    misfit = abs(sliding.median - row.value) + NORMAL_95 * sliding.median_error
+    misfit = sliding.farthest_from(row.value)
     return row._replace(interval=float(np.hypot(row.interval, misfit)), misfit=misfit)
 
 

@@ -22,7 +22,10 @@ SLOWEST, FEWEST_FRAMES = 0.1, 8
 
 STEADY, YAWING = 0.15, 0.4
 """Shares of this speed that its vertical speed and that of a corner by its tumbling may have, and that by its turning on the
-board, which hardly lessens the friction along the way: less than by a quarter of the share's square."""
+board, which lessens the friction along the way by less than a quarter of the share's square: by 4 %."""
+
+NORMAL_95 = 1.96
+"""Standard errors of a 95 % interval, on either side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,10 @@ class Sliding:
         """Its standard error, of tosses whose frictions scatter as they do."""
         scatter = 1.4826 * float(np.median(np.abs(self.friction - self.median)))
         return 1.25 * max(scatter, float(np.median(self.error))) / float(np.sqrt(len(self.friction)))
+
+    def farthest_from(self, friction: float) -> float:
+        """How far the median may be from another friction, with 95 % confidence."""
+        return abs(self.median - friction) + NORMAL_95 * self.median_error
 
     @property
     def variation(self) -> float:

@@ -119,6 +119,30 @@ def test_the_sliding_friction_is_that_of_the_world_and_stands_beside_the_describ
     assert len(sliding(thrown()[:0], RADIUS, CUBE.gravity).friction) == 0
 
 
+def test_a_described_friction_that_is_far_from_the_sliding_one_is_a_warning() -> None:
+    evidence = Evidence(ReadingConfig(replace(CUBE, friction=0.3)), ())
+    evidence.__dict__["tosses"] = thrown()
+    found = friction(evidence)
+    assert found is not None
+    assert (found.severity, found.remedy) == (Severity.WARNING, "describe it so: --friction 0.18")
+
+
+def test_a_body_that_turns_on_the_board_slides_nevertheless() -> None:
+    """Slowed down by mu g along its way, and turning at 0.3 of its speed at its corners."""
+    (toss,) = simulated_tosses(1, 1)
+    seconds = 0.01 * np.arange(30)
+    speeds = 2.0 - 0.18 * CUBE.gravity * seconds
+    flat = np.zeros((30, 3))
+    still = replace(
+        toss, stamps_ns=(1e9 * seconds).astype(int), positions=flat, orientations_wxyz=np.eye(4)[np.zeros(30, int)],
+        linear_velocities=speeds[:, None] * np.eye(3)[0], angular_velocities=flat,
+    )  # fmt: skip
+    for axis, share, slides in ((2, 0.3, True), (2, 0.6, False), (0, 0.3, False)):
+        spins = share * speeds[:, None] / RADIUS * np.eye(3)[axis]
+        found = sliding([replace(still, angular_velocities=spins)], RADIUS, CUBE.gravity)
+        assert found.friction == pytest.approx([0.18] if slides else [])
+
+
 def test_a_learned_friction_that_no_slide_bears_out_is_said_to_be_one() -> None:
     found = sliding_of(thrown(), CUBE)
     assert sliding_in_words(found, 0.182, 0.01) == ""
