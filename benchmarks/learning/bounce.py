@@ -1,6 +1,6 @@
 """Bodies that bounce: one set of vertices with a restitution that is learned, beside the same without it.
 
-Four fits of the rigid form to the optimum, each from the same initialisation: impacts that do not bounce, and a
+Fits of the rigid form to the optimum, each from the same initialisation: impacts that do not bounce, and a
 restitution as a parameter of theta (method.md 1.2); each from the transitions as they are, and with impacts merged: a frame
 period in which a body meets the board has a velocity that is neither the one before nor the one after, so that both of its
 transitions are nobody's law. Merged, one transition leads over them, from a velocity before the impact to one after it.
@@ -12,7 +12,7 @@ and fits begin at the shape as described, for a plane says nothing of places acr
 table: a body that stays where it was released, and one that lies where it ends from the start. Told is the restitution that
 `train` names where a rigid form is fitted without one.
 
-    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged]
+    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds]
         [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]
 """
 
@@ -37,7 +37,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.evaluation.rebounds import rebounds
+from contact_curation.learning.evaluation.rebounds import rebounds, restitution_of
 from contact_curation.learning.evaluation.without_model import plain_errors
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.uncertainty.bounce import bounce_of
@@ -51,8 +51,10 @@ ARMS = {
     "merged": (Form.RIGID, False, True),
     "bounce": (Form.RIGID, True, False),
     "bounce-merged": (Form.RIGID, True, True),
+    "rebounds": (Form.RIGID, True, True),
 }
-"""The form, whether a restitution is learned, and whether impacts are merged."""
+"""The form, whether a restitution is learned, and whether impacts are merged. By `rebounds` it is that of first impacts, as
+`train` takes it."""
 
 ALL = 0
 
@@ -73,6 +75,7 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     """The optimum of tosses."""
     form, bounces, merges = ARMS[arm]
     data = transitions_of(tosses, body.length_scale)
+    seen = restitution_of(data, body) if arm == "rebounds" else None
     data = merged_impacts(data, body) if merges else data
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     drawn = initial_geometry(body, form, pivot, np.random.default_rng(seed), spread)
@@ -80,7 +83,9 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     start = replace(drawn, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0)
     if form is Form.RIGID:
         start = replace(start, noise=ImpulseNoise(), restitution=INITIAL_RESTITUTION if bounces else None)
-    return fit_held(PolytopeModel(start, body, form), data, replace(FIT, renewals=3)).model
+    if seen is not None:
+        start = replace(start, restitution=seen)
+    return fit_held(PolytopeModel(start, body, form), data, replace(FIT, renewals=3, restitution_held=seen is not None)).model
 
 
 def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:

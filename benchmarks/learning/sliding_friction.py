@@ -7,7 +7,8 @@ The friction of the tosses that slide (motion/survey/sliding.py) is the prior's 
     python -m benchmarks.learning.sliding_friction --restitution [...]
     python -m benchmarks.learning.sliding_friction --worlds [--seeds 4]
 
-For each seed a third of the tosses judges (experiments/bodies.py). With --restitution it is what a learned restitution changes.
+For each seed a third of the tosses judges (experiments/bodies.py). With --restitution it is what a restitution changes, as
+`train` learns it.
 With --worlds: how far the friction of sliding bodies is from the truth, in 16 tosses of the simulated worlds of
 `benchmarks.learning.coverage`. Rows that are in the file already are not made again.
 """
@@ -31,6 +32,7 @@ from contact_curation.experiments.cell_run import ONE_THREAD, Bench
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.misfit import sliding_of
+from contact_curation.learning.evaluation.rebounds import restitution_of
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
 from contact_curation.learning.fits.held_fit import HeldSum
 from contact_curation.learning.training.protocols import USUAL_STARTS
@@ -62,10 +64,12 @@ def fitted(bench: Bench, tosses: Sequence[Toss], seed: int, arm: str) -> Polytop
     drawn = initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed))
     start = theta_0(PolytopeModel(drawn, bench.body, Form.RIGID))
     start = start.bouncing() if arm == BOUNCING else start
-    data = as_described(transitions_of(list(tosses), bench.body.length_scale), start.geometry(), bench.body)
+    seen = transitions_of(list(tosses), bench.body.length_scale)
+    data = as_described(seen, start.geometry(), bench.body)
     slid = sliding_of(tosses, bench.body) if arm == SLID else None
     if slid is None:
-        return optimum(start, data, ONE_THREAD, 0.0, USUAL_STARTS).model
+        restitution = restitution_of(seen, bench.body) if arm == BOUNCING else None
+        return optimum(start, data, ONE_THREAD, 0.0, USUAL_STARTS, restitution).model
     with observed(slid):
         there = replace(start.geometry(), tangents=slid.median * np.eye(2, 3))
         return optimum(PolytopeModel(there, bench.body, Form.RIGID), data, ONE_THREAD, 0.0, USUAL_STARTS).model

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from contact_curation.contact.body import Body
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.transitions import Transitions
 
 NEAR, FAR = 1, 3
 """Frames from an impact between which its speeds are taken."""
@@ -22,6 +23,26 @@ CLOSE = 0.03
 SLOWEST = 0.1
 """Impacts that approach with less than this share of the fastest say nothing of restitution."""
 
+FEWEST = 4
+"""Tosses whose first impacts give a restitution."""
+
+FALLING = 0.2
+"""Share of the approach speed that gravity may add in the frames between an impact and its speeds: 0.12 for the real cube."""
+
+
+def restitution_of(data: Transitions, body: Body) -> float | None:
+    """The median share of tosses, between 0 and 1; None of too few, or if frames are too far apart to see a rebound.
+
+    Args:
+        data: transitions between successive frames.
+        body: as described.
+    """
+    speeds = _first_impacts(data.before, data.starts, body)
+    fall = body.scaled_gravity * float(np.median(data.dt)) ** 2 * 0.5 * (NEAR + FAR)
+    if len(speeds) < FEWEST or fall > FALLING * float(np.median(speeds[:, 0])):
+        return None
+    return float(np.clip(np.median(speeds[:, 1] / speeds[:, 0]), 0.0, 1.0))
+
 
 def rebounds(states: Array, starts: NDArray[np.int64], body: Body) -> Array:
     """Share of its approach speed with which the lowest corner leaves its first impact, of the K motions that have one.
@@ -31,13 +52,16 @@ def rebounds(states: Array, starts: NDArray[np.int64], body: Body) -> Array:
         starts: (K + 1,) motion k owns rows starts[k]:starts[k + 1].
         body: as described.
     """
+    speeds = _first_impacts(states, starts, body)
+    return np.asarray(speeds[:, 1] / speeds[:, 0])
+
+
+def _first_impacts(states: Array, starts: NDArray[np.int64], body: Body) -> Array:
+    """(K, 2) speeds per frame before and after, of the motions that have a first impact that is not slow."""
     heights = Polytope(body.scaled_vertices).corner_heights(states[:, :3], states[:, 3:7])  # (N, V)
     speeds = [_impact(heights[first:last]) for first, last in pairwise(starts.tolist())]
     found = np.array([each for each in speeds if each is not None]).reshape(-1, 2)
-    if not len(found):
-        return np.zeros(0)
-    hard = found[:, 0] > SLOWEST * found[:, 0].max()
-    return np.asarray(found[hard, 1] / found[hard, 0])
+    return found[found[:, 0] > SLOWEST * found[:, 0].max()] if len(found) else found
 
 
 def _impact(heights: Array) -> tuple[float, float] | None:

@@ -69,7 +69,14 @@ def theta_0(model: Model) -> PolytopeModel:
     return PolytopeModel(level, model.body, Form(form))
 
 
-def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: float, starts: int = 1) -> Optimum:
+def optimum(
+    start: PolytopeModel,
+    data: Transitions,
+    loss: LossConfig,
+    trimmed: float,
+    starts: int = 1,
+    restitution: float | None = None,
+) -> Optimum:
     """Fits a polytope to tosses, starting at `theta_0`, and elsewhere.
 
     Args:
@@ -78,8 +85,11 @@ def optimum(start: PolytopeModel, data: Transitions, loss: LossConfig, trimmed: 
         loss: weights and solver of the loss.
         trimmed: share of the transitions that is left out, from 0 to less than 1.
         starts: how many starts, at least 1.
+        restitution: that a theta with a restitution has; None to learn it with everything else.
     """
-    config = HeldFitConfig(loss=loss)
+    config = HeldFitConfig(loss=loss, restitution_held=restitution is not None)
+    if restitution is not None:
+        start = PolytopeModel(replace(start.geometry(), restitution=restitution), start.body, start.form)
     with np.errstate(all="ignore"):  # `Optimum.finite` reports numbers that are not finite
         found = fit_held(start, data, config) if starts == 1 else _from_lowest(start, data, config, starts)
         steps, kept = found.steps, np.ones(len(data.dt), dtype=bool)

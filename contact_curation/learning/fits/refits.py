@@ -41,12 +41,13 @@ class RefitConfig:
 
     Attributes:
         fit: the sum, and the fit to the whole pool.
-        tolerance: a descent has converged when the next step would lower the sum by less than this share.
+        tolerance: a descent has converged when the next step would lower the sum by less than this share. Optima of subsets
+            that are nearly the pool lie so near each other that with 1e-5 their order is partly where descents stopped.
         steps: largest number of steps of a descent.
     """
 
     fit: HeldFitConfig
-    tolerance: float = 1e-5
+    tolerance: float = 1e-9
     steps: int = 60
 
 
