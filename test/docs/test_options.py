@@ -63,3 +63,12 @@ def test_a_page_names_only_options_that_a_module_has(page: Path) -> None:
     assert [module for module, _ in modules if not source(module)] == []
     options = [(module, option) for module, words in modules for option in OPTION.findall(words)]
     assert [f"{module} {option}" for module, option in options if f'"{option}"' not in source(module)] == []
+
+
+CUT_OFF = re.compile(r"^ {4}(?:contact-curation|python)\b(?:[^\n]*\\\n)*[^\n]*[^\\\n]\n {5,}--.*", re.MULTILINE)
+"""A command that goes on in the next line, which a shell would not know."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_a_command_of_several_lines_can_be_typed(page: Path) -> None:
+    assert CUT_OFF.findall(page.read_text()) == []
