@@ -10,6 +10,7 @@ from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
+    add_params_option,
     add_pose_options,
     inputs_of,
     stages_of,
@@ -40,7 +41,11 @@ def add_options(parser: OneLineParser) -> None:
         "Designs a batch of throws: picks them greedily from a pool of safe releases by their predicted gain in log-det "
         "under execution noise, and then refines them. Theta must be a polytope's."
     )
-    _add_theta_options(parser.add_argument_group("what is to be learned"))
+    add_params_option(
+        parser.add_argument_group("what is to be learned"),
+        "theta: a polytope's checkpoint or JSON file; given several times, gains are averaged over them (default: the object "
+        "as described)",
+    )
     add_body_option(parser)
     group = parser.add_argument_group("what is known")
     group.add_argument(
@@ -90,20 +95,6 @@ def add_options(parser: OneLineParser) -> None:
         "contact-curation design --body brick.yaml --exploration-throws --throws 4 --out first_throws.json",
     )
     parser.set_defaults(run=run)
-
-
-def _add_theta_options(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--params",
-        "--checkpoint",
-        dest="params",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="theta: a polytope's checkpoint or JSON file; given several times, gains are averaged over them (default: the "
-        "object as described)",
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -30,7 +30,7 @@ from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.criteria.log_det import select_by_log_det
 from contact_curation.information.pool import Pool
 from contact_curation.information.record import TossInformation
-from contact_curation.information.subspace import EIGENVALUE_CUT, identifiable_subspace
+from contact_curation.information.subspace import identifiable_subspace
 
 if TYPE_CHECKING:
     from cmaes import CMA  # type: ignore[import-untyped]  # its wheel has no py.typed
@@ -52,13 +52,13 @@ class Picked:
     gains: Array
 
 
-def prior_coordinates(fishers: Array, share: float, cut: float = EIGENVALUE_CUT) -> Array:
+def prior_coordinates(fishers: Array, share: float) -> Array:
     """(P, p) C with C^T A0 C = I where A0 is a share of the mean of (K, P, P) on what they identify (method.md 1.6).
 
     Raises:
         InvalidValueError: no throw tells anything.
     """
-    return np.asarray(identifiable_subspace(fishers.mean(axis=0), cut).whitening / np.sqrt(share))
+    return np.asarray(identifiable_subspace(fishers.mean(axis=0)).whitening / np.sqrt(share))
 
 
 def accumulated(coordinates: Array, known: Sequence[TossInformation]) -> Accumulated:

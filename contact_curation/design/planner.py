@@ -248,13 +248,13 @@ class Planner:
     def _drawn(self, seed: int) -> Releases:
         return self.evaluator.draw_safe(self.prior, self.config.pool, np.random.default_rng(seed))
 
-    def reference_scores(self, particle: int = 0) -> Array:
-        """(R,) information of each reference release at one theta relative to their mean: what the readiness check compares.
+    def reference_scores(self) -> Array:
+        """(R,) information of each reference release at the first theta, relative to their mean; for the readiness check.
 
         The trace, whitened: of all measures tried it agrees best between thetas that are near each other.
         """
-        coordinates = self._coordinates[particle]
-        whitened = np.einsum("pi,kpq,qi->k", coordinates, self._reference.expected[particle], coordinates, optimize=True)
+        coordinates = self._coordinates[0]
+        whitened = np.einsum("pi,kpq,qi->k", coordinates, self._reference.expected[0], coordinates, optimize=True)
         return np.asarray(whitened * self.config.share / coordinates.shape[1])
 
     def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates | None:

@@ -79,13 +79,3 @@ class Cell(Planned):
             raise InvalidValueError(f"protocol of {self.rule}", self.protocol, "budgeted or published")
         if (self.steps > 0) != (self.protocol == Protocol.BUDGETED):
             raise InvalidValueError("steps", self.steps, "some for the budgeted protocol, 0 for the others")
-
-    @property
-    def key(self) -> str:
-        """The same for equal cells only."""
-        return json.dumps(asdict(self), sort_keys=True)
-
-    @property
-    def fields(self) -> dict[str, float | str]:
-        """What its rows begin with."""
-        return asdict(self)

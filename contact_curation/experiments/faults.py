@@ -54,9 +54,7 @@ class FaultConfig:
     time_frames: int = 2
 
 
-def with_faults(
-    tosses: Sequence[Toss], fault: Fault, share: float, seed: int, config: FaultConfig | None = None
-) -> tuple[tuple[Toss, ...], frozenset[str]]:
+def with_faults(tosses: Sequence[Toss], fault: Fault, share: float, seed: int) -> tuple[tuple[Toss, ...], frozenset[str]]:
     """The tosses, a share of them bad, and the ids of those; as many for every fault at one seed, and the same ones.
 
     Raises:
@@ -66,7 +64,7 @@ def with_faults(
         raise InvalidValueError("share of bad tosses", share, "a number from 0 to 1")
     choice, noise = (np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(2))
     bad = frozenset(choice.choice([toss.toss_id for toss in tosses], round(share * len(tosses)), replace=False).tolist())
-    return made_bad(tosses, bad, fault, noise, config or FaultConfig()), bad
+    return made_bad(tosses, bad, fault, noise, FaultConfig()), bad
 
 
 def made_bad(

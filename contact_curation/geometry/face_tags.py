@@ -19,6 +19,9 @@ TURNS = np.radians(np.arange(0.0, 90.0, 7.5))
 SAME_PLANE = 1e-6
 """Planes whose normals and, in sizes of the body, offsets differ by less are one face."""
 
+SMALLEST = 0.01
+"""Edge [m] below which a face gets no tag."""
+
 
 class Face(NamedTuple):
     """A face of a polytope: the points with `normal . x = offset`, and on its inner side those of its neighbours.
@@ -45,26 +48,24 @@ def faces_of(polytope: Polytope) -> list[Face]:
     return sorted(faces, key=lambda face: [*np.round(-face.normal[::-1], 6), round(face.offset, 9)])
 
 
-def tags_on_faces(polytope: Polytope, frame: str, first_id: int = 0, share: float = 0.95, smallest: float = 0.01) -> TagMap:
-    """A tag on each face that is large enough.
+def tags_on_faces(polytope: Polytope, frame: str, share: float = 0.95) -> TagMap:
+    """A tag on each face that is large enough; ids are numbers from 0, face by face.
 
     Args:
         polytope: the body.
         frame: its frame.
-        first_id: the tags' ids go up from it, face by face.
         share: share of the largest edge that fits.
-        smallest: edge [m] below which a face gets no tag.
 
     Raises:
         InvalidValueError: no face is large enough.
     """
     faces = faces_of(polytope)
     squares = [(pose, _rounded_down(share * BLACK_CELLS / CELLS * edge)) for pose, edge in _squares(faces)]
-    fitting = [(pose, edge) for pose, edge in squares if edge >= smallest]
+    fitting = [(pose, edge) for pose, edge in squares if edge >= SMALLEST]
     if not fitting:
         largest = max(edge for _, edge in squares)
-        raise InvalidValueError(f"faces of {frame}", f"room for a tag of {largest:.4g} m", f"{smallest:.4g} m or more")
-    return TagMap(frame, tuple(Tag(first_id + place, pose, edge) for place, (pose, edge) in enumerate(fitting)))
+        raise InvalidValueError(f"faces of {frame}", f"room for a tag of {largest:.4g} m", f"{SMALLEST:.4g} m or more")
+    return TagMap(frame, tuple(Tag(place, pose, edge) for place, (pose, edge) in enumerate(fitting)))
 
 
 def _rounded_down(edge: float) -> float:

@@ -149,14 +149,6 @@ class TagMap:
             raise InvalidValueError(f"tag of {self.frame}", tag_id, f"one of {list(self.ids)}")
         return found
 
-    def corners_in_body(self, tag_id: int) -> Array:
-        """(4, 3) corners of a tag in the frame of the body or board [m].
-
-        Raises:
-            InvalidValueError: there is no such tag.
-        """
-        return self.tag(tag_id).corners
-
 
 def check_no_id_twice(tags: Iterable[Tag], where: str) -> None:
     """Refuses tags of which two have the same id.

@@ -35,26 +35,15 @@ class Compression:
             raise InvalidValueError("compression.cut", self.cut, "a number from 0 to below 1")
 
 
-@dataclass(frozen=True, eq=False)
-class Factor:
-    """A factor of one Fisher matrix.
-
-    Attributes:
-        rows: (R, P) W, orthogonal rows, strongest first; the largest entry of each row is positive.
-        trace_share: share of the matrix's trace that W keeps, 1 for a matrix of zeros.
-    """
-
-    rows: Array
-    trace_share: float
-
-
-def factor_of_fisher(fisher: Array, compression: Compression | None = None) -> Factor:
-    """The factor of one Fisher matrix (P, P); errors as in `factors_of_fishers`."""
+def factor_of_fisher(fisher: Array, compression: Compression | None = None) -> Array:
+    """The factor (R, P) of one Fisher matrix (P, P); errors as in `factors_of_fishers`."""
     return factors_of_fishers(fisher[None], compression)[0]
 
 
-def factors_of_fishers(fishers: Array, compression: Compression | None = None) -> tuple[Factor, ...]:
-    """The factors of K Fisher matrices, each independent of the others in the batch.
+def factors_of_fishers(fishers: Array, compression: Compression | None = None) -> tuple[Array, ...]:
+    """The factors W (R, P) of K Fisher matrices: orthogonal rows, strongest first, each with a positive largest entry.
+
+    The factor of a matrix does not depend on the others in the batch.
 
     Args:
         fishers: (K, P, P) symmetric, positive semidefinite.
@@ -72,15 +61,17 @@ def factors_of_fishers(fishers: Array, compression: Compression | None = None) -
     return tuple(_strongest(v[::-1], u.T[::-1], wanted) for v, u in zip(values, vectors))
 
 
-def _strongest(values: Array, directions: Array, compression: Compression) -> Factor:
+def _strongest(values: Array, directions: Array, compression: Compression) -> Array:
     """The factor from eigenvalues (P,), descending, and their directions as rows (P, P)."""
     largest = float(values[0]) if values.size else 0.0
     if values.size and values[-1] < -DEFINITENESS * abs(largest):
         raise InvalidValueError("Fisher matrix", f"an eigenvalue of {values[-1]:.3g}", "a positive semidefinite matrix")
     kept = min(compression.max_rows, int(np.count_nonzero(values > compression.cut * max(largest, 0.0))))
     rows = np.sqrt(values[:kept, None]) * directions[:kept]  # (R, P)
-    strongest_entry = rows[np.arange(kept), np.abs(rows).argmax(axis=1)] if kept else np.zeros(0)
-    rows = rows * np.where(strongest_entry < 0.0, -1.0, 1.0)[:, None]
-    positive = np.maximum(values, 0.0)
-    total = float(positive.sum())
-    return Factor(np.ascontiguousarray(rows), float(positive[:kept].sum()) / total if total > 0.0 else 1.0)
+    return signed(rows)
+
+
+def signed(rows: Array) -> Array:
+    """The rows (R, P), turned so that the largest entry of each is positive."""
+    strongest = rows[np.arange(len(rows)), np.abs(rows).argmax(axis=1)] if len(rows) else np.zeros(0)
+    return np.ascontiguousarray(rows * np.where(strongest < 0.0, -1.0, 1.0)[:, None])

@@ -165,7 +165,7 @@ class Scorer:
             shifts = (centroids - self.geometry.pivot) @ self.form.tilt_axes.T
             fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, shifts)
         factors = factors_of_fishers(0.5 * (fishers + fishers.transpose(0, 2, 1)), self.config.compression)
-        stored = [factor.rows.astype(STORED) for factor in factors]
+        stored = [factor.astype(STORED) for factor in factors]
         return tuple(
             self._information(toss, k, rows, sums, _Summed(np.diagonal(fishers[k]), score_sums[k], stored[k], centroids[k]))
             for k, toss in enumerate(tosses)

@@ -18,9 +18,9 @@ def tie_floor(best: float, absolute: float = ABSOLUTE) -> float:
     return best - RELATIVE * abs(best) - absolute
 
 
-def first_of_the_best(values: Array, absolute: float = ABSOLUTE) -> int:
+def first_of_the_best(values: Array) -> int:
     """Index of the first value that ties with the largest; the pool is in the order of ids, so this is the smallest id."""
-    return int(np.argmax(values >= tie_floor(float(values.max()), absolute)))
+    return int(np.argmax(values >= tie_floor(float(values.max()))))
 
 
 def descending(values: Array, relative: float = RELATIVE, absolute: float = ABSOLUTE) -> Indices:

@@ -160,18 +160,17 @@ def measurements_of(tosses: Iterable[Toss], polytope: Polytope) -> RigMeasuremen
     return RigMeasurements(*(column.reshape(shape) for column, shape in zip(columns, shapes, strict=True)))
 
 
-def calibration_of(tosses: Iterable[Toss], polytope: Polytope, gravity: float = 9.81) -> RigCalibration:
+def calibration_of(tosses: Iterable[Toss], polytope: Polytope) -> RigCalibration:
     """The calibration of the rig that tosses were tracked with.
 
     Args:
         tosses: of one body, all tracked by the same rig.
         polytope: of the body.
-        gravity: true one [m/s^2].
 
     Raises:
         InvalidValueError: fewer than `FEWEST_TOSSES` of them come to rest, or are long enough in the air.
     """
-    return measurements_of(tosses, polytope).calibration(gravity)
+    return measurements_of(tosses, polytope).calibration()
 
 
 def apply_calibration(toss: Toss, rig: RigCalibration) -> Toss:

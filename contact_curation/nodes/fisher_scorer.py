@@ -19,7 +19,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.nodes.messages.headers import check_format
+from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_in
 from contact_curation.nodes.messages.toss_information import information_message
@@ -110,10 +110,7 @@ class FisherScorer(StageNode):
     def _renew(self, message: Any) -> None:
         """Takes a new theta; all tosses are scored again once they are scored at the present one. On the worker's thread."""
         try:
-            check_format(message)
-            if message.body != self._body.name:
-                raise InvalidValueError("body of the parameters", message.body, self._body.name)
-            theta = ScoredTheta(message.model, bytes(message.safetensors))
+            theta = theta_in(message, self._body)
             if not self._tosses.complete:
                 self._stage.postpone(theta)
                 return

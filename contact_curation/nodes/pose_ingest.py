@@ -6,7 +6,6 @@ can be requested. Active again it goes on as after an interruption of the poses.
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,7 +33,7 @@ from contact_curation.nodes.ros.health import Flow, Health, HealthReport, Rate, 
 from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.pose_topics import READ_TYPES, PoseTopics, Received
+from contact_curation.nodes.ros.pose_topics import READ_TYPES, PoseTopics, Received, declared_poses
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Inbox, Latest, Worker
@@ -43,9 +42,6 @@ from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from contact_curation.storage.inputs.recording_notes import RULES_NOTE, with_recorded_rules
 from contact_curation.storage.stores.tosses import StoredRejected, StoredToss, TossStore
-
-AUTO, NONE = "auto", "none"
-"""Words for an empty topic and an empty board frame, which launch and `-p` cannot pass."""
 
 PAUSE = 10.0
 """[s] between two warnings that poses come too fast."""
@@ -252,13 +248,6 @@ def declared_ingest(node: StageNode, body: Body, poses: PoseTopicConfig) -> Inge
             segmenter = with_recorded_rules(segmenter, reader.note(RULES_NOTE))
     gates = declare_config(node, GateConfig(), "gates.")
     return IngestConfig(poses.tracker(body, poses.board_frame), segmenter, gates, declare_config(node, NO_CORRECTION, "rig."))
-
-
-def declared_poses(node: StageNode) -> PoseTopicConfig:
-    """Declares the parameters of the pose topics."""
-    poses = declare_config(node, PoseTopicConfig())
-    topic, frame = poses.topic, poses.board_frame
-    return replace(poses, topic="" if topic == AUTO else topic, board_frame="" if frame == NONE else frame)
 
 
 def declared_type(node: StageNode) -> str:

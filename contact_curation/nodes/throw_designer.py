@@ -19,6 +19,7 @@ from contact_curation.design.throw import ThrowKind
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import Stamped, check_format, nanoseconds_of
+from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.throw import executed_throw_of, throw_message
 from contact_curation.nodes.messages.toss_information import information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
@@ -34,7 +35,7 @@ from contact_curation.nodes.throw_goals import Outcome, ThrowGoals
 from contact_curation.nodes.throw_reports import ThrowReports
 from contact_curation.stages.design import DesignStage, RankedBuffer, TrainerRest
 from contact_curation.stages.records import Cursor, Proposal
-from contact_curation.stages.scored_theta import ScoredTheta, polytope_of, read_scored_theta
+from contact_curation.stages.scored_theta import polytope_of, read_scored_theta
 from contact_curation.stages.throw_loop import ThrowLoop
 from contact_curation.storage.stores.state import StateStore
 
@@ -181,10 +182,7 @@ class ThrowDesigner(StageNode):
     def _renew(self, message: Any) -> None:
         """Takes new parameters; on the worker's thread."""
         try:
-            check_format(message)
-            if message.body != self._body.name:
-                raise InvalidValueError("body of the parameters", message.body, self._body.name)
-            self._stage.renew(polytope_of(ScoredTheta(message.model, bytes(message.safetensors))))
+            self._stage.renew(polytope_of(theta_in(message, self._body)))
             self._reports.tell(self._stage.reports)
         except InvalidValueError as error:
             self._warnings.note("bad parameters", str(error))

@@ -14,8 +14,8 @@ from contact_curation.information.model_version import model_version
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.nodes.messages.bounds import MOST_IDS, check_size
 from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
+from contact_curation.nodes.messages.model_parameters import model_message
 from contact_curation.nodes.messages.toss import toss_of
-from contact_curation.nodes.messages.trained_model import model_message
 from contact_curation.nodes.messages.training_status import status_message, waiting_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, awaited

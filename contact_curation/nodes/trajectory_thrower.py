@@ -35,7 +35,7 @@ from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.pose_topics import PoseTopics, Received
+from contact_curation.nodes.ros.pose_topics import PoseTopics, Received, declared_poses
 from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
@@ -47,7 +47,6 @@ from contact_curation.simulation.arm.steady_swing import SteadyConfig
 from contact_curation.stages.arm import Ending
 from contact_curation.stages.records import GripperRecord, read_record, write_record
 from contact_curation.stages.trajectory_throw import Phase, Step, TrajectoryConfig, TrajectoryThrow
-from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
 LOOK = 0.002
 """Time between looks at a motion under way [s]."""
@@ -77,7 +76,7 @@ class TrajectoryThrower(ManagedNode):
     def __init__(self) -> None:
         super().__init__("trajectory_thrower")
         self._body = declared_body(self)
-        poses = declare_config(self, PoseTopicConfig())
+        poses = declared_poses(self)
         self._board_frame = poses.board_frame
         arm_file = declare(self, "arm", "", "YAML file that describes the arm; see docs/how-to/your_arm.md")
         arm = read_arm(Path(arm_file)) if arm_file else None

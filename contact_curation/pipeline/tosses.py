@@ -196,14 +196,14 @@ class Tosses:
             found[self.taken[toss.toss_id].recording].append(toss)
         return tuple(Recording(tuple(own), reading) for own, reading in zip(found, self.readings, strict=True))
 
-    def check_some(self, found: str, expected: str = CHECK_SAYS) -> "Tosses":
+    def check_some(self, found: str) -> "Tosses":
         """The same.
 
         Raises:
             NothingFoundError: no toss was accepted; the message is what a diagnosis says first, or `found` and the reasons.
         """
         if not self.accepted:
-            error = nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", expected)
+            error = nothing_found(self.paths, self.warnings, f"{found}{in_brackets(self.reasons)}", CHECK_SAYS)
             from contact_curation.pipeline.diagnosis.explained import explained  # a diagnosis needs many modules
 
             raise explained(error, self.paths, self.config)

@@ -13,7 +13,7 @@ from contact_curation.session.config import SessionFolder
 from contact_curation.session.free_domain import VARIABLE
 from contact_curation.session.node_parameters import DASHBOARD, RECORDER
 from contact_curation.session.parameter_files import Parameters
-from contact_curation.session.supervisor import Incident, Patience, Program, Supervisor
+from contact_curation.session.supervisor import Incident, Program, Supervisor
 
 RANGE, PEERS, RMW = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS", "RMW_IMPLEMENTATION"
 OTHER_RANGES = ("ROS_LOCALHOST_ONLY", PEERS)
@@ -42,7 +42,6 @@ def supervised(
     folder: SessionFolder,
     domain: int | str,
     tell: Callable[[Incident], None],
-    patience: Patience | None = None,
 ) -> Supervisor:
     """The nodes, not started yet.
 
@@ -51,10 +50,9 @@ def supervised(
         folder: of the session.
         domain: of ROS.
         tell: called with what happens.
-        patience: with them.
     """
     programs = [_program(name, folder.parameters) for name in parameters]
-    return Supervisor(programs, graph_environment(os.environ, folder.logs, domain), folder.logs, tell, patience)
+    return Supervisor(programs, graph_environment(os.environ, folder.logs, domain), folder.logs, tell)
 
 
 def graph_environment(own: Mapping[str, str], logs: Path, domain: int | str) -> dict[str, str]:

@@ -143,10 +143,6 @@ class Supervisor:
             if run.due is not None and self._now() >= run.due:
                 self._start(run)
 
-    def log_of(self, name: str) -> Path:
-        """File with what a program said."""
-        return self._runs[name].log
-
     def kill(self, name: str) -> None:
         """Ends a program at once; it is started again as after any death."""
         self._runs[name].kill()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class TrackerConfig:
+class HeldOutTracker:
     """The tracker that recorded the held-out tosses.
 
     Attributes:
@@ -36,7 +36,7 @@ class HeldOutConfig:
         rig: rig calibration of the held-out recordings.
     """
 
-    segmenter: TrackerConfig = TrackerConfig()
+    segmenter: HeldOutTracker = HeldOutTracker()
     rig: RigCalibration = NO_CORRECTION
 
     @property

@@ -21,13 +21,13 @@ def save_checkpoint(path: Path, training: Training, notes: dict[str, str] | None
     write_atomically(path, checkpoint_bytes(training, notes))
 
 
-def save_model(path: Path, model: Model, notes: dict[str, str] | None = None) -> None:
+def save_model(path: Path, model: Model) -> None:
     """Writes a model without the state of a training.
 
     Raises:
         InvalidValueError: the file cannot be written there.
     """
-    write_atomically(path, model_bytes(model, notes))
+    write_atomically(path, model_bytes(model))
 
 
 def resume_training(path: Path, data: Transitions, held_out: Transitions | None, body: Body | None = None) -> Training:
@@ -35,9 +35,9 @@ def resume_training(path: Path, data: Transitions, held_out: Transitions | None,
     return training_of_bytes(_content(path), path, data, held_out, body)
 
 
-def read_model(path: Path, body: Body | None = None, last: bool = False) -> Model:
+def read_model(path: Path, body: Body | None = None) -> Model:
     """Reads the model of a checkpoint or of a model's file; see `learning.checkpoints.stored_model.model_of_bytes`."""
-    return model_of_bytes(_content(path), path, body, last)
+    return model_of_bytes(_content(path), path, body)
 
 
 def read_body(path: Path) -> Body:

@@ -1,4 +1,4 @@
-"""Every figure that the package draws, from fixed small data, and how a picture is compared with the one that was kept.
+"""Every figure that the package draws, and one of the docs, from small data, and how a picture is compared with the kept one.
 
 python -m test.dashboard.gallery          draws the kept pictures in test/dashboard/references again: look at them
 
@@ -17,12 +17,12 @@ from PIL import Image
 
 from contact_curation.dashboard.figures.body import BodyPicture, save_body_figure
 from contact_curation.dashboard.figures.experiment import Panel, Series, save_experiment_figure
-from contact_curation.dashboard.figures.learning_curves import Curve, save_learning_curves
 from contact_curation.dashboard.figures.motion import MotionPicture, PicturedToss, Track, save_motion_figure
 from contact_curation.dashboard.figures.ranking import RankingPicture, save_ranking_figure
 from contact_curation.dashboard.figures.report_data import ReportData, ReportedEvent, ReportedThrow, save_figures
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
+from test.docs.learning_curves import Curve, save_learning_curves
 
 REFERENCES = Path(__file__).parent / "references"
 SMALLER = 2

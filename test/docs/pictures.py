@@ -16,7 +16,6 @@ import numpy as np
 
 import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.dashboard.figures.learning_curves import Curve, save_learning_curves
 from contact_curation.experiments.catalogue import Experiment
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.summary import summarised
@@ -24,6 +23,7 @@ from contact_curation.experiments.tables import LAYOUTS, save_results_figure
 from contact_curation.experiments.thrown.cell import FIRM
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from test.conftest import GOLDEN, REPOSITORY
+from test.docs.learning_curves import Curve, save_learning_curves
 
 RESULTS, IMAGES = REPOSITORY / "docs" / "results", REPOSITORY / "docs" / "images"
 TRUE_CUBE = "true cube"

@@ -3,6 +3,7 @@
 python -m test.docs.reference          writes it
 """
 
+import re
 import sys
 import textwrap
 from collections.abc import Iterator
@@ -14,6 +15,9 @@ from test.graph.parts.declared_parameters import Declared, all_declared
 PAGE = REPOSITORY / "docs" / "ros" / "reference.md"
 MSG_DEFS = REPOSITORY / "msg_defs"
 WIDTH = 118
+
+CUT = re.compile(rf"^(#.{{{WIDTH - 1},}}[^.])\n# ", re.MULTILINE)
+"""Where a comment that is too wide goes on in the next line."""
 
 HEAD = """# Parameters and messages
 
@@ -62,7 +66,7 @@ def _interfaces() -> list[str]:
 
 def _definition(text: str) -> Iterator[str]:
     """The lines of a definition; a comment that makes one too wide stands above it."""
-    for line in text.splitlines():
+    for line in CUT.sub(r"\1 ", text).splitlines():
         code, mark, comment = line.partition("#")
         if len(line) <= WIDTH or not mark:
             yield line

@@ -31,7 +31,7 @@ def test_every_link_of_a_page_leads_to_a_file_and_a_heading_in_it() -> None:
     assert {page: links for page, links in broken.items() if links} == {}
 
 
-PATHS = re.compile(r"`((?:[\w.]+/)+[\w.]+\.(?:py|cpp|hpp))`")
+PATHS = re.compile(r"`((?:[\w.]+/)+[\w.]+\.(?:py|cpp|hpp)|test_\w+\.py)`")
 ROOTS = (REPOSITORY, REPOSITORY / "contact_curation", REPOSITORY / "conformance")
 
 

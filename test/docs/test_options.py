@@ -1,4 +1,4 @@
-"""Every option beside a `contact-curation VERB` in the documentation is one that the verb has, by its whole name."""
+"""Every option beside a `contact-curation VERB` or a `python -m MODULE` in the documentation is one that it has."""
 
 import argparse
 import re
@@ -12,6 +12,7 @@ from test.conftest import REPOSITORY
 
 PAGES = sorted([REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md", *(REPOSITORY / "docs").rglob("*.md")])
 COMMAND = re.compile(r"contact-curation ([a-z]+)\b([^\n`]*(?:\\\n[^\n`]*)*)")
+MODULE = re.compile(r"python\s+-m\s+((?:benchmarks|test)[\w.]*\w)([^`\n]*(?:\\\n[^`\n]*)*)")
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 
 
@@ -46,3 +47,28 @@ def test_the_pages_do_name_options() -> None:
     assert {"rank", "train", "evaluate", "design", "simulate", "online"} <= {verb for page in PAGES for verb, _ in told(page)}
     assert "--tosses" in options_of("import")
     assert "--crit" not in options_of("rank")
+
+
+def source(module: str) -> str:
+    """What a module and those of the repository that it imports say; empty if there is none."""
+    named = REPOSITORY.joinpath(*module.split("."))
+    path = next((path for path in (named.with_suffix(".py"), named / "__main__.py") if path.exists()), None)
+    text = path.read_text() if path else ""
+    return text + "".join(source(name) for name in re.findall(r"^from (benchmarks[\w.]*) import", text, re.MULTILINE))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_a_page_names_only_options_that_a_module_has(page: Path) -> None:
+    modules = MODULE.findall(page.read_text())
+    assert [module for module, _ in modules if not source(module)] == []
+    options = [(module, option) for module, words in modules for option in OPTION.findall(words)]
+    assert [f"{module} {option}" for module, option in options if f'"{option}"' not in source(module)] == []
+
+
+CUT_OFF = re.compile(r"^ {4}(?:contact-curation|python)\b(?:[^\n]*\\\n)*[^\n]*[^\\\n]\n {5,}--.*", re.MULTILINE)
+"""A command that goes on in the next line, which a shell would not know."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_a_command_of_several_lines_can_be_typed(page: Path) -> None:
+    assert CUT_OFF.findall(page.read_text()) == []

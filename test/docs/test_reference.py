@@ -1,13 +1,37 @@
-"""Pages that are written from the code say what the code says now."""
+"""Pages that are written from the code say what the code says now, and the page on the nodes has their defaults."""
+
+import re
+from typing import Any
 
 import pytest
+import yaml
 
 from test.docs import schemas
 from test.docs.reference import PAGE, page
+from test.graph.parts.declared_parameters import all_declared
 
 
 def test_the_reference_is_that_of_the_nodes_and_messages_as_they_are() -> None:
     assert PAGE.read_text() == page(), "write it anew with `python -m test.docs.reference`"
+
+
+DEFAULT = re.compile(r"`([a-z_.]+)` \(default `?([\w.-]+)`?(?: s)?[),;:]")
+WORDS = {"infinite": float("inf"), "none": ""}
+
+
+def test_the_page_on_the_nodes_states_the_defaults_that_they_have() -> None:
+    sections = (PAGE.parent / "nodes.md").read_text().split("\n## ")
+    of_node = {name: text for name, _, text in (section.partition("\n") for section in sections) if name in all_declared()}
+    stated = {
+        (node, name): WORDS.get(value, yaml.safe_load(value))
+        for node in of_node
+        for name, value in DEFAULT.findall(of_node[node])
+    }
+    declared: dict[tuple[str, str], Any] = {
+        (node, one.name): one.default for node, all_of in all_declared().items() for one in all_of
+    }
+    assert len(stated) > 25
+    assert stated == {parameter: declared.get(parameter) for parameter in stated}
 
 
 @pytest.mark.parametrize("name", schemas.PAGES)

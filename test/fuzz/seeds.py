@@ -25,10 +25,10 @@ from contact_curation.information.record import TossInformation
 from contact_curation.learning.checkpoints.stored_model import model_bytes
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry
 from contact_curation.nodes.messages.headers import Stamped
+from contact_curation.nodes.messages.model_parameters import model_message
 from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.messages.toss import toss_message
 from contact_curation.nodes.messages.toss_information import information_message
-from contact_curation.nodes.messages.trained_model import model_message
 from contact_curation.storage.throws_file import write_throws
 from test.conftest import REPOSITORY
 from test.storage import stored_records, written_bags

@@ -16,7 +16,7 @@ LOWER_LEFT, LOWER_RIGHT, UPPER_RIGHT, UPPER_LEFT = [0.0, 1.0], [1.0, 1.0], [1.0,
 
 
 def test_corners_go_round_from_the_lower_left_as_the_reader_sees_them() -> None:
-    corners = TagMap("wall", (Tag(7, UPRIGHT, 0.2),)).corners_in_body(7)
+    corners = TagMap("wall", (Tag(7, UPRIGHT, 0.2),)).tag(7).corners
     expected = [[0.0, 0.2, 0.2], [0.2, 0.2, 0.2], [0.2, 0.2, 0.4], [0.0, 0.2, 0.4]]
     np.testing.assert_allclose(corners, expected, atol=1e-12)
     normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
@@ -76,7 +76,7 @@ def test_a_map_without_a_frame_without_tags_or_with_an_id_twice_is_refused() -> 
 
 def test_a_tag_that_is_not_in_the_map_is_named_with_those_that_are() -> None:
     with pytest.raises(InvalidValueError, match=r"found 4, expected one of \[3\]"):
-        TagMap("body", (Tag(3, UPRIGHT, 0.1),)).corners_in_body(4)
+        TagMap("body", (Tag(3, UPRIGHT, 0.1),)).tag(4)
 
 
 def test_tags_seen_from_another_origin_keep_their_turn_and_size() -> None:

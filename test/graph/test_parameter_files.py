@@ -33,6 +33,7 @@ def declared(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, An
 
 def test_the_file_has_every_parameter_with_its_default(declared: dict[str, dict[str, Any]]) -> None:
     again = "python -m test.graph.parts.declared_parameters contact_curation/config/nodes.yaml"
+    assert CONFIG.read_text() == nodes_yaml(), f"run {again}"
     found = read_node_parameters(CONFIG)
     assert set(found) == set(declared)
     for node, values in declared.items():

@@ -9,7 +9,7 @@ from typing import Any
 from contact_curation.design.throw import ThrowState
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.nodes.messages.headers import Stamped
-from contact_curation.nodes.messages.trained_model import model_message
+from contact_curation.nodes.messages.model_parameters import model_message
 from contact_curation.stages.curation import CurationConfig
 from contact_curation.stages.records import BufferRecord, TrainingRecord, load_record
 from test.histories import numbers

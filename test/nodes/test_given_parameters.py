@@ -25,7 +25,9 @@ from contact_curation.nodes.ros.node_main import StageNode
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics
 from contact_curation.nodes.ros.qos import latched
+from contact_curation.nodes.trajectory_thrower import TrajectoryThrower
 from contact_curation.session.free_domain import free_domain
+from test.graph.parts.made_node import lone_domain, made_node
 
 
 class Small(StageNode):
@@ -193,13 +195,20 @@ def started_curator(folder: Path, *words: str) -> tuple[int, str]:
 
 
 def test_what_launch_cannot_leave_empty_has_a_word() -> None:
-    from contact_curation.nodes.pose_ingest import declared_poses
     from contact_curation.nodes.ros.design_parameters import declared_thrower
+    from contact_curation.nodes.ros.pose_topics import declared_poses
 
     with small("-p", "topic:=auto", "-p", "board_frame:=none", "-p", "thrower:=none") as node:
         poses = declared_poses(node)
         assert (poses.topic, poses.board_frame) == ("", "")
         assert declared_thrower(node, CONTACTNETS_CUBE) is None
+
+
+def test_the_thrower_of_a_real_arm_knows_these_words_as_pose_ingest_does() -> None:
+    with lone_domain() as domain, made_node("trajectory_thrower", domain, "topic:=auto", "board_frame:=none") as (node, _):
+        assert isinstance(node, TrajectoryThrower)
+        assert node._tracker.config.board_frame == ""
+        assert node._topics._config.topic == ""
 
 
 class Talker(Small):

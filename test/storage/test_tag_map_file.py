@@ -50,7 +50,7 @@ def assert_same(one: TagMap, other: TagMap) -> None:
     assert (one.frame, one.ids) == (other.frame, other.ids)
     for tag_id in one.ids:
         assert one.tag(tag_id).edge == other.tag(tag_id).edge
-        np.testing.assert_allclose(one.corners_in_body(tag_id), other.corners_in_body(tag_id), atol=1e-15)
+        np.testing.assert_allclose(one.tag(tag_id).corners, other.tag(tag_id).corners, atol=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ def test_tagslams_file_gives_bodies_and_boards(tmp_path: Path) -> None:
     assert (cube.frame, cube.ids) == ("body_cube", (0, 1))  # the pose of tag 2 is for TagSLAM to find
     assert (cube.tag(0).edge, cube.tag(1).edge) == (0.08, 0.07)
     expected = [[0.0524, -0.035, 0.035], [0.0524, -0.035, -0.035], [0.0524, 0.035, -0.035], [0.0524, 0.035, 0.035]]
-    np.testing.assert_allclose(cube.corners_in_body(1), expected, atol=1e-12)
+    np.testing.assert_allclose(cube.tag(1).corners, expected, atol=1e-12)
 
 
 def test_frames_that_look_into_the_tags_are_turned(tmp_path: Path) -> None:

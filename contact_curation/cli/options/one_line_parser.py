@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
@@ -100,9 +100,3 @@ class _HelpLines(argparse.HelpFormatter):
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         return text if text.startswith(EXAMPLES) else super()._fill_text(text, width, indent)
-
-
-def examples_of(parser: argparse.ArgumentParser) -> Iterator[str]:
-    """The example commands at the end of a parser's help."""
-    lines = (parser.epilog or "").splitlines()
-    return (line.strip() for line in lines[1:] if lines[0] == EXAMPLES)

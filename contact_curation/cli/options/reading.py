@@ -29,8 +29,8 @@ def add_held_out_option(parser: argparse._ArgumentGroup, default: str) -> None:
     )
 
 
-def add_params_option(parser: argparse._ArgumentGroup) -> None:
-    """Adds `--params`, which may be given several times."""
+def add_params_option(parser: argparse._ArgumentGroup, described: str) -> None:
+    """Adds `--params`, which may be given several times; `described` says what it takes and what it does."""
     parser.add_argument(
         "--params",
         "--checkpoint",
@@ -39,8 +39,7 @@ def add_params_option(parser: argparse._ArgumentGroup) -> None:
         action="append",
         default=[],
         metavar="FILE",
-        help="theta: a .safetensors checkpoint, or of a polytope a JSON file; given several times, the ranking averages over "
-        "them (default: the object as described; a network has none)",
+        help=described,
     )
 
 

@@ -4,7 +4,6 @@ import argparse
 import math
 from pathlib import Path
 
-Parser = argparse.ArgumentParser
 Arguments = argparse.Namespace
 
 

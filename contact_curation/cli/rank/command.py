@@ -74,7 +74,11 @@ def add_options(parser: OneLineParser) -> None:
 def _add_model_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("parameters theta that the information is about")
     add_model_option(group)
-    add_params_option(group)
+    add_params_option(
+        group,
+        "theta: a .safetensors checkpoint, or of a polytope a JSON file; given several times, the ranking averages over them "
+        "(default: the object as described; a network has none)",
+    )
     group.add_argument(
         "--block",
         choices=BLOCKS,

@@ -26,7 +26,7 @@ from contact_curation.contact.models.explicit_parameters import ExplicitParamete
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.factors import Compression, Factor, factor_of_fisher
+from contact_curation.information.factors import Compression, factor_of_fisher, signed
 from contact_curation.information.model_version import model_version
 from contact_curation.information.network.config import Device, NetworkConfig, network_config_for
 from contact_curation.information.network.forward_pass import (
@@ -246,7 +246,7 @@ class NetworkScorer:
             mean_loss=float(losses[solved].mean()),
             block_traces=information.traces,
             score_sum=scores.rows[0].sum(axis=0),
-            factor=factor.rows.astype(STORED),
+            factor=factor.astype(STORED),
             centroid=self._centroid(toss),
             tilt_axes=np.zeros((0, 3)) if self._explicit is None else self._explicit.tilt_axes,
         )
@@ -364,8 +364,8 @@ def _network_blocks(sketch: NetworkSketch, layers: dict[str, int], start: int) -
     return tuple(ParameterBlock(name, columns[first], columns[last]) for name, (first, last) in zip(layers, pairwise(edges)))
 
 
-def factor_of_rows(rows: Array, compression: Compression) -> Factor:
-    """The smallest factor of F = G^T G from rows G (N, P), scores in many columns, without forming F; see `factors.Factor`.
+def factor_of_rows(rows: Array, compression: Compression) -> Array:
+    """The smallest factor (R, P) of F = G^T G from rows G (N, P), scores in many columns, without forming F.
 
     G G^T and F have the same non-zero eigenvalues, and with G G^T = U diag(lambda) U^T the rows U^T G are those of `factors`:
     orthogonal, strongest first, of length sqrt(lambda).
@@ -377,8 +377,4 @@ def factor_of_rows(rows: Array, compression: Compression) -> Factor:
     first = max(count - compression.max_rows, 0)
     values, vectors = scipy.linalg.eigh(gram, subset_by_index=(first, count - 1)) if count else (np.zeros(0), gram)
     kept = values > compression.cut * max(float(values.max(initial=0.0)), 0.0)
-    found = (vectors[:, kept].T @ rows)[::-1]
-    strongest = found[np.arange(len(found)), np.abs(found).argmax(axis=1)] if len(found) else np.zeros(0)
-    found = found * np.where(strongest < 0.0, -1.0, 1.0)[:, None]
-    total = float(np.trace(gram))
-    return Factor(np.ascontiguousarray(found), float(values[kept].sum()) / total if total > 0.0 else 1.0)
+    return signed((vectors[:, kept].T @ rows)[::-1])

@@ -61,21 +61,6 @@ class Calibration:
     resamples: int
     converged: int
 
-    def sandwich_ratio(self, name: str) -> float:
-        """The bootstrap's deviation of a parameter over the sandwich's; 1 is perfect."""
-        return self._ratio(name, "sandwich")
-
-    def naive_ratio(self, name: str) -> float:
-        """Likewise over the naive one."""
-        return self._ratio(name, "naive")
-
-    def _ratio(self, name: str, kind: str) -> float:
-        for parameter, deviation in zip(self.known.parameters, self.bootstrap, strict=True):
-            if parameter.name == name:
-                return float(deviation / getattr(parameter, kind))
-        names = ", ".join(parameter.name for parameter in self.known.parameters[-4:])
-        raise InvalidValueError("parameter", name, f"one of the physical form, such as {names}")
-
 
 def calibration(
     model: PolytopeModel,

@@ -38,6 +38,9 @@ SEEN = 1e-9
 NORMAL_95 = 1.96
 """Standard errors of a 95 % interval, on either side."""
 
+UNKNOWNS = 6
+"""The acceleration and the place."""
+
 CERTAIN = 16.3
 """The 99.9 % quantile of chi-squared with 3 degrees of freedom: a smaller squared deviation from 0 may be chance."""
 
@@ -50,16 +53,12 @@ class MassCentre(NamedTuple):
         place: (3,) seen from the origin of the poses, in the body's frame [unit of the poses].
         covariance: (3, 3) of it.
         acceleration: (3,) of the centre of mass in free flight.
-        residual: of the poses' positions per axis, root mean square of the median flight.
-        residual_at_origin: the same if the centre of mass is at the origin of the poses.
     """
 
     flights: int
     place: Array
     covariance: Array
     acceleration: Array
-    residual: float
-    residual_at_origin: float
 
     @property
     def intervals(self) -> tuple[Estimate, Estimate, Estimate]:
@@ -107,37 +106,29 @@ def mass_centre(survey: Survey) -> MassCentre | None:
     equations = [one for flight in flights if (one := _equations(survey.series[flight.series], flight)) is not None]
     if len(equations) < FEWEST_FLIGHTS:
         return None
-    found = _least_squares(equations, 6)
+    found = _least_squares(equations)
     if found is None:
         return None
-    values, covariance, used = found
-    at_origin = _least_squares([one._replace(unknowns=one.unknowns[:, :3]) for one in equations], 3)
-    without = float("inf") if at_origin is None else float(np.median(_residuals(at_origin[2], at_origin[0])))
-    return MassCentre(
-        len(used), values[3:], covariance[3:, 3:], values[:3], float(np.median(_residuals(used, values))), without
-    )
+    values, covariance, flights_used = found
+    return MassCentre(flights_used, values[3:], covariance[3:, 3:], values[:3])
 
 
-def _least_squares(equations: Sequence[_Equations], unknowns: int) -> tuple[Array, Array, Sequence[_Equations]] | None:
-    """Unknowns, their covariance and the flights that were used; None where these do not determine them."""
+def _least_squares(equations: Sequence[_Equations]) -> tuple[Array, Array, int] | None:
+    """The six unknowns, their covariance and how many flights were used; None where these do not determine them."""
     used = equations
     for _ in range(ROUNDS):
-        normal = sum((one.unknowns.T @ one.unknowns for one in used), np.zeros((unknowns, unknowns)))
+        normal = sum((one.unknowns.T @ one.unknowns for one in used), np.zeros((UNKNOWNS, UNKNOWNS)))
         if len(used) < FEWEST_FLIGHTS:
             return None
         inverse = np.linalg.pinv(normal, rcond=SEEN, hermitian=True)
-        values = inverse @ sum((one.unknowns.T @ one.seen for one in used), np.zeros(unknowns))
-        residuals = _residuals(equations, values)
+        values = inverse @ sum((one.unknowns.T @ one.seen for one in used), np.zeros(UNKNOWNS))
+        residuals = np.array([one.residual(values) for one in equations])
         near = residuals <= OUTLYING * float(np.median(residuals))
         before, used = used, [one for one, is_near in zip(equations, near, strict=True) if is_near]
     pulls = np.array([one.unknowns.T @ (one.seen - one.unknowns @ values) for one in before])
     count = len(before)
-    covariance = inverse @ (pulls.T @ pulls) @ inverse * count / max(count - unknowns, 1)
-    return values, covariance, before
-
-
-def _residuals(equations: Sequence[_Equations], values: Array) -> Array:
-    return np.array([one.residual(values) for one in equations])
+    covariance = inverse @ (pulls.T @ pulls) @ inverse * count / max(count - UNKNOWNS, 1)
+    return values, covariance, count
 
 
 def _equations(series: PoseSeries, flight: Flight) -> _Equations | None:

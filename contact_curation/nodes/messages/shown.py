@@ -17,9 +17,10 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.nodes.messages.bounds import MOST_IDS, check_size
 from contact_curation.nodes.messages.headers import check_format
+from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.throw import throw_of
 from contact_curation.nodes.ros.health import PACKAGE, node_of
-from contact_curation.stages.scored_theta import read_scored_theta
+from contact_curation.stages.scored_theta import ScoredTheta, read_scored_theta
 
 
 def first_theta(parameters: str, body: Body) -> tuple[ShownTheta, Body]:
@@ -31,7 +32,7 @@ def first_theta(parameters: str, body: Body) -> tuple[ShownTheta, Body]:
     if not parameters:
         return ShownTheta("", ContactGeometry.of_body(body)), body
     theta, body = read_scored_theta(Path(parameters), body)
-    return _shown("", theta.model, theta.data, body), body
+    return _shown("", theta, body), body
 
 
 def theta_of(message: Any, body: Body) -> ShownTheta:
@@ -40,22 +41,19 @@ def theta_of(message: Any, body: Body) -> ShownTheta:
     Raises:
         InvalidValueError, UnreadableInputError: the format is newer, the body is another one, or the bytes are not a theta.
     """
-    check_format(message)
-    if message.body != body.name:
-        raise InvalidValueError("body of the parameters", message.body, body.name)
-    return _shown(message.version, message.model, bytes(message.safetensors), body)
+    return _shown(message.version, theta_in(message, body), body)
 
 
-def _shown(version: str, model: str, data: bytes, body: Body) -> ShownTheta:
-    if model_entry(model).is_geometry:
-        geometry = geometry_of_bytes(data)
+def _shown(version: str, theta: ScoredTheta, body: Body) -> ShownTheta:
+    if model_entry(theta.model).is_geometry:
+        geometry = geometry_of_bytes(theta.data)
         wanted = len(body.vertices)  # it is drawn along the body's edges
         if geometry.vertex_count != wanted:
             raise InvalidValueError("vertices of the parameters", geometry.vertex_count, f"{wanted}, as the body has")
         return ShownTheta(version, geometry=geometry)
     from contact_curation.learning.checkpoints.stored_model import model_of_bytes  # torch takes over a second to import
 
-    return ShownTheta(version, model=model_of_bytes(data, "model_parameters", body))
+    return ShownTheta(version, model=model_of_bytes(theta.data, "model_parameters", body))
 
 
 def selected_set_of(message: Any) -> SelectedSet:

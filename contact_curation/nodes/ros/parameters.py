@@ -47,7 +47,7 @@ def declare(
     """
     descriptor = ParameterDescriptor(description=description, read_only=fixed)
     if choices:
-        descriptor.additional_constraints = f"one of {', '.join(choices)}"
+        descriptor.additional_constraints = f"one of {', '.join(word or "''" for word in choices)}"
     if bounds is not None and isinstance(default, int):
         descriptor.integer_range = [IntegerRange(from_value=int(bounds[0]), to_value=int(bounds[1]))]
     elif bounds is not None and isinstance(default, float):

@@ -17,11 +17,15 @@ from rclpy.subscription import Subscription
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.nodes.ros.message_types import message_class
 from contact_curation.nodes.ros.own_namespace import is_own
+from contact_curation.nodes.ros.parameters import declare_config
 from contact_curation.nodes.ros.qos import AS_OFFERED, Callback, FollowedTopic, Offer, profile
 from contact_curation.stages.ingest import published_before
 from contact_curation.storage.inputs.pose_messages import POSE_MESSAGES, TF, Measured, frame_name
 from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS
+
+AUTO, NONE = "auto", "none"
+"""Words for an empty topic and an empty board frame, which launch and `-p` cannot pass."""
 
 READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
 
@@ -37,6 +41,13 @@ LOOKS_FOR_THE_RIG = 10
 """Number of looks at the graph for which poses wait for the rig's static transforms; a fast bag would be far ahead of them.
 
 Discovery may find the publisher of the poses before that of the transforms, so they also wait if none was found yet."""
+
+
+def declared_poses(node: Node) -> PoseTopicConfig:
+    """Declares the parameters of the pose topics."""
+    poses = declare_config(node, PoseTopicConfig())
+    topic, frame = poses.topic, poses.board_frame
+    return replace(poses, topic="" if topic == AUTO else topic, board_frame="" if frame == NONE else frame)
 
 
 class Received(NamedTuple):

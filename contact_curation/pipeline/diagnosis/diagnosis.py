@@ -64,7 +64,6 @@ def diagnose(
     *,
     words: Sequence[str] = (),
     most_messages: int = MOST_MESSAGES,
-    jobs: int = 1,
     advance: Advance = unheard,
 ) -> Diagnosis:
     """Reads recordings, as far as `most_messages` goes, and says what is wrong with them.
@@ -74,7 +73,6 @@ def diagnose(
         config: how they are read, the gates included.
         words: options that were given, for the next command.
         most_messages: of their pose topics, in all; of each recording at least `FEWEST_MESSAGES`.
-        jobs: so many are read at once.
         advance: told of each recording that was read.
 
     Raises:
@@ -84,7 +82,7 @@ def diagnose(
         raise InvalidValueError("inputs", "none", "at least one recording")
     whole_number("most_messages", most_messages, 1)
     share = max(FEWEST_MESSAGES, most_messages // len(paths))
-    recordings = tuple(each(partial(_read, config, share), list(paths), jobs, advance))
+    recordings = tuple(each(partial(_read, config, share), list(paths), 1, advance))
     return concluded(Evidence(config, recordings), words)
 
 

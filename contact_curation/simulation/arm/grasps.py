@@ -32,12 +32,11 @@ class Grasps:
         return len(self.places)
 
 
-def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
+def grasps_of(body: Body) -> Grasps:
     """Finds the grasps of a body.
 
     Args:
         body: body to hold.
-        pad_radius: radius of the pad [m].
 
     Raises:
         InvalidValueError: no face is large enough for the pad.
@@ -54,10 +53,10 @@ def grasps_of(body: Body, pad_radius: float = PAD_RADIUS) -> Grasps:
         places.append(place)
         normals.append(plane[:3] / np.linalg.norm(plane[:3]))
         radii.append(float((edges[apart] / slopes[apart]).min()))
-    fits = np.array(radii) >= pad_radius
+    fits = np.array(radii) >= PAD_RADIUS
     if not fits.any():
         raise InvalidValueError(
-            f"body {body.name}", f"faces with room for a circle of {max(radii):.3f} m", f"one of {pad_radius} m for the pad"
+            f"body {body.name}", f"faces with room for a circle of {max(radii):.3f} m", f"one of {PAD_RADIUS} m for the pad"
         )
     return Grasps(np.array(places)[fits], np.array(normals)[fits])
 

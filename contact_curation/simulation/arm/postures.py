@@ -62,7 +62,6 @@ class Candidate:
     Attributes:
         joints: (7,) joint angles [rad].
         speeds: (7,) joint speeds [rad/s].
-        grasp: index of the face that is held.
         miss: distance of the pad from its position plus angle from its axis [m + rad].
         speed_use: (J,) used shares of the joints' speed limits.
         range_use: (J,) used shares of the joints' ranges, on the way from rest to release and to rest again.
@@ -70,7 +69,6 @@ class Candidate:
 
     joints: Array
     speeds: Array
-    grasp: int
     miss: float
     speed_use: Array
     range_use: Array
@@ -86,13 +84,11 @@ class Target:
     """Pose and twist of the pad at the release, in the frame of the arm's base, for each of G faces.
 
     Attributes:
-        grasps: (G,) indices of the faces.
         places: (G, 3) positions of the pad [m].
         axes: (G, 3) unit vectors of the pad's axis, into the body.
         twists: (G, 6) velocities [m/s] and angular velocities [rad/s] of the pad.
     """
 
-    grasps: Indices
     places: Array
     axes: Array
     twists: Array
@@ -106,7 +102,7 @@ def pad_targets(release: Array, grasps: Grasps, config: ThrowingArm) -> Target:
     spin = turned.apply(release[10:])
     velocities = release[7:10] + np.cross(spin, arms)
     twists = np.hstack([home.apply(velocities), np.tile(home.apply(spin), (len(grasps), 1))])
-    return Target(np.arange(len(grasps)), home.apply(release[:3] + arms - config.base), home.apply(axes), twists)
+    return Target(home.apply(release[:3] + arms - config.base), home.apply(axes), twists)
 
 
 class PostureSearch:
@@ -143,10 +139,7 @@ class PostureSearch:
         off += np.arccos(np.clip((exact.frames[:, :, 2] * target.axes[faces]).sum(axis=1), -1.0, 1.0))
         speeds = least_speeds(exact.jacobians, target.twists[faces], self._limits)
         use, ranges = self._use(refined, speeds)
-        found = [
-            Candidate(refined[k], speeds[k], int(target.grasps[faces[k]]), float(off[k]), use[k], ranges[k])
-            for k in range(len(refined))
-        ]
+        found = [Candidate(refined[k], speeds[k], float(off[k]), use[k], ranges[k]) for k in range(len(refined))]
         reached = [one for one in found if one.miss <= 1e3 * REACHED]
         return sorted(reached, key=lambda one: one.cost) or sorted(found, key=lambda one: one.miss)[:1]
 

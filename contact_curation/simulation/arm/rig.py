@@ -46,17 +46,14 @@ class ArmRig:
     Args:
         body: body that is thrown.
         seed: random seed of the gripper's delays and the tracker's noise.
-        tracker: noise and faults of the tracker.
         world: contacts that the body meets after its release; by default those of the arm's own simulation.
     """
 
-    def __init__(
-        self, body: Body, seed: int, tracker: TrackerNoiseConfig | None = None, world: WorldConfig = DEFAULT_WORLD
-    ) -> None:
+    def __init__(self, body: Body, seed: int, world: WorldConfig = DEFAULT_WORLD) -> None:
         self.body, self._world = body, world
         self.feasibility = ArmFeasibility(ThrowPlanner(body), GateConfig())
         self._thrower = ArmThrower(self.feasibility.planner, seed=seed)
-        self._noise = TrackerNoise(tracker or TrackerNoiseConfig(), seed)
+        self._noise = TrackerNoise(TrackerNoiseConfig(), seed)
         self._now_ns = PAUSE_NS
 
     def throw(self, throw: Throw) -> Seen:

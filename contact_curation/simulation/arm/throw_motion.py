@@ -147,7 +147,7 @@ class ArmPlanner:
     def plan(self, throw: Throw) -> ThrowMotion | Refused:
         """The motion for a throw, or the reason why there is none."""
         target = self._reachable(pad_targets(throw.release, self.grasps, self.arm))
-        if not len(target.grasps):
+        if not len(target.places):
             return Refused("tilt of the gripper", 1.0, FROM_BELOW, "upwards")
         worst: Refused | None = None
         flight: Array | None = None
@@ -182,7 +182,7 @@ class ArmPlanner:
 
     def _reachable(self, target: Target) -> Target:
         kept = target.axes[:, 2] <= FROM_BELOW
-        return Target(target.grasps[kept], target.places[kept], target.axes[kept], target.twists[kept])
+        return Target(target.places[kept], target.axes[kept], target.twists[kept])
 
     def _use(self, candidate: Candidate) -> Refused | None:
         """The limit that the release posture or its speeds violate; None if they violate none."""

@@ -195,7 +195,11 @@ def test_the_sandwich_says_how_far_theta_moves_when_real_tosses_are_drawn_anew(c
     rows, others = (transitions_of(part, 0.0524) for part in ([read[i] for i in chosen], read[400:]))
     found = calibration(fitted(rows), rows, others, resamples=48, seed=0, config=KnownConfig())
     assert found.converged == 48
-    assert 0.7 < found.sandwich_ratio("friction") < 1.4
-    heights = [found.sandwich_ratio(f"vertices_normal[{vertex}][2]") for vertex in range(8)]
-    assert sum(0.7 < ratio < 1.4 for ratio in heights) >= 6
-    assert found.naive_ratio("friction") < 0.1  # the naive bound is off by more than a factor of ten
+    named = {
+        one.name: (deviation / one.sandwich, deviation / one.naive)
+        for one, deviation in zip(found.known.parameters, found.bootstrap)
+    }
+    sandwich, naive = named["friction"]
+    assert 0.7 < sandwich < 1.4
+    assert sum(0.7 < named[f"vertices_normal[{vertex}][2]"][0] < 1.4 for vertex in range(8)) >= 6
+    assert naive < 0.1  # the naive bound is off by more than a factor of ten

@@ -46,12 +46,6 @@ def test_it_is_found_and_its_interval_holds_it(off: tuple[float, float, float]) 
     assert np.mean(held) > 0.8
 
 
-def test_at_the_origin_of_the_poses_the_flights_fit_worse() -> None:
-    found = found_of(Rig(marker_offset=OFF), Throws())
-    assert found.residual < 5e-5
-    assert found.residual_at_origin > 5.0 * found.residual
-
-
 def test_a_marker_whose_place_is_known_leaves_nothing() -> None:
     rig = Rig(scale=1.03, marker_turn=(0.2, -0.3, 0.1), marker_offset=OFF)
     known = RigCalibration(scale=1.03, marker_turn=rig.marker_turn, marker_offset=OFF)

@@ -228,8 +228,8 @@ def test_a_detector_that_cannot_be_is_refused(name: str, value: float) -> None:
 def _projected(pose: Pose, tag_id: int) -> Array:
     """Corners (4, 2) [px] of a tag of the board, or of the body at a pose."""
     if tag_id in BOARD.ids:
-        return SMALL.pinhole.project(in_camera(BOARD.corners_in_body(tag_id), SMALL))
-    on_body = quaternions.rotate(pose.orientation_wxyz, RIG.body.corners_in_body(tag_id))
+        return SMALL.pinhole.project(in_camera(BOARD.tag(tag_id).corners, SMALL))
+    on_body = quaternions.rotate(pose.orientation_wxyz, RIG.body.tag(tag_id).corners)
     return SMALL.pinhole.project(in_camera(pose.position + on_body, SMALL))
 
 

@@ -1,6 +1,7 @@
-"""Held-out errors while tosses come in: one panel per error, one colour per way of choosing what is trained on.
+"""The picture of learning through the nodes in docs/explanation/learning.md: held-out errors while tosses come in.
 
-Thin lines are single runs, thick ones their median. Each panel says what the medians end at.
+One panel per error, one colour per way of choosing what is trained on. Thin lines are single runs, thick ones their median.
+Each panel says what the medians end at.
 """
 
 from collections.abc import Mapping, Sequence

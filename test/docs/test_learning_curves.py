@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.dashboard.figures.learning_curves import Curve, _median, save_learning_curves
 from contact_curation.errors import InvalidValueError
+from test.docs.learning_curves import Curve, _median, save_learning_curves
 
 
 def curve(offset: float, *tosses: int) -> Curve:
