@@ -197,9 +197,8 @@ def _put_back(waiting: list[MeasuredMessage], stamp_ns: int) -> None:
         return
     places = [*later, last]
     moved = [waiting[last], *(waiting[place] for place in later)]
-    logged = [waiting[place].log_time_ns for place in places]
-    for place, one, log_time_ns in zip(places, moved, logged, strict=True):
-        waiting[place] = one._replace(log_time_ns=log_time_ns)
+    for place, one in zip(places, moved, strict=True):
+        waiting[place] = one
 
 
 def _stamp_of(message: MeasuredMessage) -> int | None:
@@ -254,10 +253,6 @@ class BagTosses:
     def runs(self, reader: BagReader) -> Iterator[MeasuredMessage | MeasuredRun]:
         """The same in runs, where messages are alike."""
         return in_order_of_stamps(measured_runs(reader, self.source, self.measured))
-
-    def of(self, message: BagMessage) -> Iterator[Found]:
-        """Yields the tosses and rejected motions that a message completes."""
-        return self.taken(self.measured(message), message.topic)
 
     def taken(self, found: Iterable[Measured], topic: str) -> Iterator[Found]:
         """Yields the tosses and rejected motions that the poses in a message of a topic complete."""
