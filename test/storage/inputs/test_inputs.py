@@ -27,7 +27,7 @@ from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, P
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF, TRANSFORM
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
-from test.motion.streams import board_in_map, in_map, noisy, stream
+from test.motion.streams import PERIOD_NS, board_in_map, in_map, noisy, stream
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
 from test.storage.written_bags import NOETIC, Sent, note, write_ours, write_ros1, write_rosbag2
@@ -220,10 +220,12 @@ def test_poses_given_on_the_board_need_no_frames(tmp_path: Path, type_name: str)
     assert kinds(items) == ["Toss", "Toss"]
 
 
+@pytest.mark.parametrize("before", [0, 300])
 @pytest.mark.parametrize("type_name", [ODOMETRY, TRANSFORM])
-def test_of_a_topic_with_several_bodies_the_body_s_own_poses_are_taken(tmp_path: Path, type_name: str) -> None:
+def test_of_a_topic_with_several_bodies_the_body_s_own_poses_are_taken(tmp_path: Path, type_name: str, before: int) -> None:
     places = [replace(one, child="wand") for one in ON_BOARD[::-1]]
     wand = [replace(one, stamp_ns=other.stamp_ns + 2_000_000) for one, other in zip(places, ON_BOARD, strict=True)]
+    wand = [replace(wand[0], stamp_ns=wand[0].stamp_ns - k * PERIOD_NS) for k in range(before, 0, -1)] + wand
     both = recorded("/poses", type_name, wand) + recorded("/poses", type_name, ON_BOARD)
     bag = write_ours(tmp_path / "a.mcap", sorted(both, key=lambda one: one.log_time_ns))
     items, _ = opened(bag)

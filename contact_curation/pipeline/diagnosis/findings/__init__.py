@@ -25,6 +25,7 @@ FINDINGS: tuple[Find, ...] = (
     reading.without_a_message,
     reading.overlapping,
     stamps.zero,
+    frames.of_several_bodies,
     frames.board_is_not_found,
     frames.board_is_seldom_known,
     stamps.out_of_order,

@@ -24,6 +24,7 @@ HINTS = {
     "acceleration in the air beyond gravity": "noise, jittering stamps or smoothed poses?",
     "displacement beside the velocity": "tracking outliers: poses jump",
     "turn beside the angular velocity": "orientations jump: flipped tags?",
+    "quaternion norm beside 1": "publish unit quaternions",
     "tilt at rest": "is the board tilted?",
     "height at rest": "board height or body size off?",
 }
