@@ -214,11 +214,10 @@ def _put_back(waiting: list[MeasuredMessage], stamp_ns: int) -> None:
 
 
 def _stamp_of(message: MeasuredMessage) -> int | None:
-    """The stamp of the only pose of a message; None where it has none, several or a static one."""
-    if len(message.measured) != 1:
-        return None
-    (measured,) = message.measured
-    return measured.stamp_ns if isinstance(measured, FramePose) and not measured.static else None
+    """The stamp of the poses of a message, of several tags or frames, too; None where it has none, several or is static."""
+    stamps = {one.stamp_ns for one in message.measured}
+    moving = any(isinstance(one, FramePose) and not one.static for one in message.measured)
+    return stamps.pop() if moving and len(stamps) == 1 else None
 
 
 class BagTosses:

@@ -3,7 +3,7 @@
 import itertools
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -144,9 +144,10 @@ def test_a_board_that_is_logged_late_costs_no_toss(tmp_path: Path, places: int) 
     assert kinds(items) == ["Toss", "Toss"]
 
 
-def logged_late(folder: Path) -> Path:
-    """Messages that were logged up to a fifth of a second late each."""
-    board, *sent = tagslam()
+def logged_late(folder: Path, sent: Sequence[Sent] = ()) -> Path:
+    """Messages, by default the poses of `tagslam`, that were logged up to a fifth of a second late each."""
+    board, *poses = tagslam()
+    sent = sent or poses
     late = (1e9 * np.random.default_rng(3).uniform(0.0, 0.2, len(sent))).astype(np.int64).tolist()
     logged = [one._replace(log_time_ns=one.log_time_ns + by) for one, by in zip(sent, late, strict=True)]
     return write_ours(folder / "late.mcap", [board, *sorted(logged, key=lambda one: one.log_time_ns)])
@@ -154,6 +155,12 @@ def logged_late(folder: Path) -> Path:
 
 def test_messages_that_are_logged_up_to_a_fifth_of_a_second_late_each_cost_no_toss(tmp_path: Path) -> None:
     items, _ = opened(logged_late(tmp_path))
+    assert [kind for kind in kinds(items) if kind != "Problem"] == ["Toss", "Toss"], lines(items)
+
+
+def test_messages_with_several_transforms_that_are_logged_late_cost_no_toss(tmp_path: Path) -> None:
+    sent = [Sent("/tf", LOG_OFFSET_NS + one.stamp_ns, transforms([replace(one, child="robot"), one])) for one in IN_MAP]
+    items, _ = opened(logged_late(tmp_path, sent))
     assert [kind for kind in kinds(items) if kind != "Problem"] == ["Toss", "Toss"], lines(items)
 
 
