@@ -121,6 +121,19 @@ def test_a_recording_given_twice_is_told_as_duplicates(golden: Path, tmp_path: P
     assert "21 tosses of 42 are duplicates" in found.verdict
 
 
+def test_tosses_under_the_ids_of_others_are_told_to_be_left_out(tmp_path: Path) -> None:
+    """Three recordings whose header stamps start again, so that two thirds of the tosses have the ids of others."""
+    bags = []
+    for number in range(3):
+        to = [one.pose._replace(position=(one.pose.position[0] + 0.01 * number, *one.pose.position[1:])) for one in ON_BOARD]
+        poses = [replace(one, pose=pose) for one, pose in zip(ON_BOARD, to, strict=True)]
+        bags.append(write_ours(tmp_path / f"{number}.mcap", recorded("/pose", ODOMETRY, poses)))
+    found = diagnose(bags, ReadingConfig(CONTACTNETS_CUBE))
+    assert re.match(
+        r"4 of 6 tosses start with the header stamp of another one and are left out: cube-\S+ of 1\.mcap", found.verdict
+    )
+
+
 def test_of_a_long_recording_only_the_first_messages_are_looked_at(golden: Path) -> None:
     found = diagnose([golden], ReadingConfig(CONTACTNETS_CUBE), most_messages=2000)
     assert found.ok

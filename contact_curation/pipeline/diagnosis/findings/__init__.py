@@ -62,6 +62,7 @@ FINDINGS: tuple[Find, ...] = (
     tosses.never_at_rest,
     tosses.rejected,
     tosses.none_found,
+    tosses.same_ids,
     tosses.duplicates,
     tosses.few,
     contact.gives_way,
