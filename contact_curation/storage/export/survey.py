@@ -14,7 +14,8 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any, NamedTuple
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from contact_curation.contact.body import Body
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
-from contact_curation.storage.inputs.bag_tosses import BagTosses, bag_tosses
-from contact_curation.storage.inputs.pose_messages import stamp_ns_of
+from contact_curation.storage.inputs.bag_tosses import BagTosses, bag_tosses, in_order_of_stamps
+from contact_curation.storage.inputs.pose_messages import Measured, stamp_ns_of
+from contact_curation.storage.inputs.pose_runs import measured_runs
 from contact_curation.storage.inputs.pose_source import PoseSource
 from contact_curation.storage.inputs.records import Found, InputsConfig
 from contact_curation.storage.provenance import TossProvenance
@@ -69,7 +71,7 @@ class Windows:
 
 
 class PoseTimes:
-    """Stamps and log times of the messages of one topic, in the order in which they are read."""
+    """Stamps and log times of the messages of one topic, in the order in which their poses are taken."""
 
     def __init__(self) -> None:
         self._stamps, self._logs = array("q"), array("q")
@@ -77,12 +79,10 @@ class PoseTimes:
     def __len__(self) -> int:
         return len(self._stamps)
 
-    def note(self, message: BagMessage) -> None:
-        """Notes a message; one without a stamp is ignored."""
-        stamp_ns = _stamp_of(message.message)
-        if stamp_ns is not None:
-            self._stamps.append(stamp_ns)
-            self._logs.append(message.log_time_ns)
+    def note(self, stamp_ns: int, log_time_ns: int) -> None:
+        """Notes the stamp and log time of a message [ns]."""
+        self._stamps.append(stamp_ns)
+        self._logs.append(log_time_ns)
 
     def places(self, first_ns: int, last_ns: int, end: int) -> Places | None:
         """Finds the messages with the poses of a toss.
@@ -120,14 +120,6 @@ class PoseTimes:
         """The window of log times of a range of messages."""
         logs = np.frombuffer(self._logs, dtype=np.int64)[places.low : places.high + 1]
         return Window(int(logs.min()), int(logs.max()))
-
-
-def _stamp_of(message: Any) -> int | None:
-    """Stamp of the header, or of the first transform [ns]."""
-    try:
-        return stamp_ns_of(message.header if hasattr(message, "header") else message.transforms[0].header)
-    except (AttributeError, IndexError, TypeError, ValueError):
-        return None
 
 
 SHARE_OF_SETTLE_TIME = 0.8
@@ -197,11 +189,19 @@ def survey(reader: BagReader, body: Body, config: InputsConfig, advance: Callabl
         MissingTopicError: no topic, or more than one, may contain the body's poses.
     """
     tosses = bag_tosses(reader, body, config)
-    times, motions = PoseTimes(), list[Motion]()
-    for message in reader.messages(tosses.source.topics):
-        if message.topic == tosses.source.body.name:
-            times.note(message)
-        for found in tosses.of(message):
+    times, motions, topic = PoseTimes(), list[Motion](), tosses.source.body.name
+
+    def read(message: BagMessage) -> tuple[Measured, ...]:
+        measured = tosses.measured(message)
+        if message.topic == topic and not measured and tosses.source.camera is not None:  # an image that waits for its camera
+            times.note(stamp_ns_of(message.message.header), message.log_time_ns)
+        return measured
+
+    in_order = in_order_of_stamps(measured_runs(reader, tosses.source, read))
+    for message in chain.from_iterable(one.messages() for one in in_order):
+        if message.topic == topic and message.measured:
+            times.note(message.measured[0].stamp_ns, message.log_time_ns)
+        for found in tosses.taken(message.measured, message.topic):
             motions += _located(found, times)
             advance(1)
     motions += [motion for found in tosses.rest() for motion in _located(found, times)]

@@ -3,7 +3,7 @@
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from itertools import islice, pairwise, takewhile
+from itertools import chain, pairwise, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,8 @@ from contact_curation.motion.pose_stream import LOWEST_RATE, BadPose, FramePose
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.bags.records import BagMessage
-from contact_curation.storage.inputs.pose_messages import Measured, frame_name
+from contact_curation.storage.bags.records import BagMessage, Channel
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, TRANSFORM, Measured, frame_name
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun, measured_runs
 from contact_curation.storage.inputs.pose_source import BODY_PREFIX, PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.inputs.recording_notes import (
@@ -36,8 +36,8 @@ MOTION = ", expected motions that fall freely (in metres, z up on the board) and
 CHECK = "; `contact-curation check` says why"
 UNNUMBERED = RecordedNumbers()
 
-FIRST = 64
-"""Messages of a topic that are looked at for whose poses it has."""
+NAMES_AT, BEHIND_NAMES = 12, {ODOMETRY: 680, TRANSFORM: 56}
+"""[bytes] Where the names of frames begin, after the stamp, in CDR and in ROS 1; and what numbers are after them."""
 
 LONGEST_STEP = 0.5
 """[s] Poses further apart are not successive ones."""
@@ -93,11 +93,23 @@ def bag_tosses(
 
 
 def _children(reader: BagReader, source: PoseSource) -> frozenset[str]:
-    """Whose poses the first messages of the body's topic have, if they say so."""
+    """Whose poses the messages of the body's topic have, if they say so: all of them, or those up to the body's first.
+
+    Of messages with the same names only one is decoded.
+    """
     if not source.has_children:
         return frozenset()
-    first = islice(reader.messages([source.body.name]), FIRST)
-    return frozenset(frame_name(one.message.child_frame_id) for one in first)
+    reading, runs = reader.runs([source.body.name])
+    seen: set[tuple[Channel, bytes]] = set()
+    children: set[str] = set()
+    for stored in chain.from_iterable(runs):
+        names = stored.channel, stored.data[NAMES_AT : -BEHIND_NAMES[source.body.type]]
+        if names not in seen:
+            seen.add(names)
+            children.update(frame_name(str(one.message.child_frame_id)) for one in reading.decoded([stored]))
+            if any(source.is_own(child) for child in children):
+                break
+    return frozenset(children)
 
 
 def in_order_of_stamps(messages: Iterable[MeasuredMessage | MeasuredRun]) -> Iterator[MeasuredMessage | MeasuredRun]:
@@ -197,17 +209,15 @@ def _put_back(waiting: list[MeasuredMessage], stamp_ns: int) -> None:
         return
     places = [*later, last]
     moved = [waiting[last], *(waiting[place] for place in later)]
-    logged = [waiting[place].log_time_ns for place in places]
-    for place, one, log_time_ns in zip(places, moved, logged, strict=True):
-        waiting[place] = one._replace(log_time_ns=log_time_ns)
+    for place, one in zip(places, moved, strict=True):
+        waiting[place] = one
 
 
 def _stamp_of(message: MeasuredMessage) -> int | None:
-    """The stamp of the only pose of a message; None where it has none, several or a static one."""
-    if len(message.measured) != 1:
-        return None
-    (measured,) = message.measured
-    return measured.stamp_ns if isinstance(measured, FramePose) and not measured.static else None
+    """The stamp of the poses of a message, of several tags or frames, too; None where it has none, several or is static."""
+    stamps = {one.stamp_ns for one in message.measured}
+    moving = any(isinstance(one, FramePose) and not one.static for one in message.measured)
+    return stamps.pop() if moving and len(stamps) == 1 else None
 
 
 class BagTosses:
@@ -254,10 +264,6 @@ class BagTosses:
     def runs(self, reader: BagReader) -> Iterator[MeasuredMessage | MeasuredRun]:
         """The same in runs, where messages are alike."""
         return in_order_of_stamps(measured_runs(reader, self.source, self.measured))
-
-    def of(self, message: BagMessage) -> Iterator[Found]:
-        """Yields the tosses and rejected motions that a message completes."""
-        return self.taken(self.measured(message), message.topic)
 
     def taken(self, found: Iterable[Measured], topic: str) -> Iterator[Found]:
         """Yields the tosses and rejected motions that the poses in a message of a topic complete."""

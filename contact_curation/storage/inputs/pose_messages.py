@@ -51,10 +51,10 @@ def of_array(message: Any, child: str, index: int) -> Measured:
     """Pose of a PoseArray."""
     if index == ONLY and len(message.poses) != 1:
         found = f"{len(message.poses)} poses, expected one, or `array_index`, which of them is the body"
-        return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")
+        return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}", "array")
     if index >= len(message.poses):
         found = f"{len(message.poses)} poses, expected one with index {index}"
-        return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}")
+        return BadPose(stamp_ns_of(message.header), child, f"pose array: found {found}", "array")
     return on_header(message.header, child, message.poses[index].position, message.poses[index].orientation)
 
 

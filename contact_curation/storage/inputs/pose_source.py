@@ -113,7 +113,7 @@ class PoseSource:
         array_index: index of the body's pose in a PoseArray; -1: the only one.
         camera: topic with the camera's CameraInfo, if the body's topic has tag detections.
         wanted_board: the configured frame of the board, even if nothing leads to it.
-        children: frames that messages of the body's topic are of (`child_frame_id`), if they are of several.
+        children: frames that messages of the body's topic are of (`child_frame_id`), if they are of several or of the body's.
     """
 
     body: TypedTopic
@@ -128,7 +128,7 @@ class PoseSource:
 
     def of_children(self, children: frozenset[str]) -> "PoseSource":
         """The same, where messages of the body's topic were seen to be of these frames."""
-        return replace(self, children=children) if len(children) > 1 else self
+        return replace(self, children=children) if len(children) > 1 or children & self._own_names else self
 
     @property
     def has_children(self) -> bool:
@@ -227,9 +227,10 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     """Chooses the topics with a body's poses.
 
     The body's topic is the configured one; else the one named after the body (TagSLAM's `.../body_<name>`); else the only one
-    of the first type of `POSE_MESSAGES` that exists; else TF. Poses that no tracker measured are only used if they are named.
-    The board has a topic if one is named after its frame. If nothing can lead to the board, the poses count as given on it,
-    which the reader reports (`BagTosses.left_out`).
+    of the first type of `POSE_MESSAGES` that exists, of topics in a namespace named after the body (`/vrpn/<name>/pose`) or, if
+    there are none, of all; else TF. Poses that no tracker measured are only used if they are named. The board has a topic if
+    one is named after its frame. If nothing can lead to the board, the poses count as given on it, which the reader reports
+    (`BagTosses.left_out`).
 
     Args:
         where: the bag or graph, for error messages.
@@ -300,8 +301,10 @@ def _fitting(topics: Collection[TypedTopic], board: TypedTopic | None, names: se
     candidates = [
         one for one in topics if one.type in POSE_MESSAGES and one != board and _last_part(one.name) not in NOT_TRACKED
     ]
+    called = [one for one in candidates if names.intersection(one.name.split("/"))]
     tiers: Sequence[list[TypedTopic]] = (
         [one for one in candidates if _last_part(one.name) in names],
+        *([one for one in called if one.type == kind] for kind in POSE_MESSAGES),
         *([one for one in candidates if one.type == kind] for kind in POSE_MESSAGES),
         sorted((one for one in topics if one.type == TF), key=lambda one: _last_part(one.name) == TF_STATIC_NAME)[:1],
     )

@@ -17,8 +17,12 @@ from contact_curation.pipeline.diagnosis.findings.facts import identifiable
 from contact_curation.pipeline.diagnosis.findings.tosses import HINTS
 from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY
 from test.cli.commands import Cli
 from test.conftest import REPOSITORY
+from test.storage.inputs.test_inputs import ON_BOARD
+from test.storage.pose_recordings import recorded
+from test.storage.written_bags import write_ours
 
 BY_NAME = {fault.name: fault for fault in FAULTS}
 QUICK = (
@@ -91,11 +95,43 @@ def test_a_board_whose_static_transform_has_a_quaternion_of_zeros_is_named(sessi
     assert "quaternion norm of the static transform from 'map' to 'body_surface': found 0" in found.verdict
 
 
+def test_a_topic_with_poses_of_other_bodies_is_named_before_what_follows_from_them(tmp_path: Path) -> None:
+    wands = [replace(one, child=f"wand_{number}") for one in ON_BOARD for number in (1, 2)]
+    found = diagnose([write_ours(tmp_path / "a.mcap", recorded("/odom", ODOMETRY, wands))], ReadingConfig(CONTACTNETS_CUBE))
+    assert found.verdict == "/odom has poses of 'wand_1', 'wand_2', none of them cube's: name one with --body-frame"
+
+
+def test_of_an_array_of_poses_the_setting_is_named_that_says_which_is_the_body_s(tmp_path: Path) -> None:
+    found = diagnose([write_ours(tmp_path / "a.mcap", recorded("/a", POSE_ARRAY, ON_BOARD))], ReadingConfig(CONTACTNETS_CUBE))
+    assert found.verdict.endswith("which of them is the body: say --set poses.array_index=N, counted from 0")
+
+
+def test_of_poses_that_come_seldom_no_noise_is_told(tmp_path: Path) -> None:
+    """One a second of a moving body: what they scatter by says nothing of the tracker."""
+    seldom = [replace(one, stamp_ns=one.stamp_ns * 148) for one in ON_BOARD]
+    found = diagnose([write_ours(tmp_path / "a.mcap", recorded("/a", POSE, seldom))], ReadingConfig(CONTACTNETS_CUBE))
+    assert any(line.startswith("poses come at 1 Hz") for line in (found.verdict, *found.reasons))
+    assert found.settings == ""
+
+
 def test_a_recording_given_twice_is_told_as_duplicates(golden: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(golden.read_bytes())
     found = diagnose([golden, copy], ReadingConfig(CONTACTNETS_CUBE))
     assert "21 tosses of 42 are duplicates" in found.verdict
+
+
+def test_tosses_under_the_ids_of_others_are_told_to_be_left_out(tmp_path: Path) -> None:
+    """Three recordings whose header stamps start again, so that two thirds of the tosses have the ids of others."""
+    bags = []
+    for number in range(3):
+        to = [one.pose._replace(position=(one.pose.position[0] + 0.01 * number, *one.pose.position[1:])) for one in ON_BOARD]
+        poses = [replace(one, pose=pose) for one, pose in zip(ON_BOARD, to, strict=True)]
+        bags.append(write_ours(tmp_path / f"{number}.mcap", recorded("/pose", ODOMETRY, poses)))
+    found = diagnose(bags, ReadingConfig(CONTACTNETS_CUBE))
+    assert re.match(
+        r"4 of 6 tosses start with the header stamp of another one and are left out: cube-\S+ of 1\.mcap", found.verdict
+    )
 
 
 def test_of_a_long_recording_only_the_first_messages_are_looked_at(golden: Path) -> None:

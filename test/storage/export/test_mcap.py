@@ -25,7 +25,17 @@ from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from contact_curation.storage.inputs.records import InputsConfig
 from test.motion.streams import PERIOD_NS, board_in_map, in_map, stream
-from test.storage.inputs.test_inputs import BODY, POSES, mcap_file, ros1, rosbag2_mcap, rosbag2_sqlite, storage_file, tagslam
+from test.storage.inputs.test_inputs import (
+    BODY,
+    POSES,
+    logged_late,
+    mcap_file,
+    ros1,
+    rosbag2_mcap,
+    rosbag2_sqlite,
+    storage_file,
+    tagslam,
+)
 from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
 from test.storage.tag_recordings import write_detections
 from test.storage.test_tag_map_file import SHIPPED
@@ -77,7 +87,7 @@ def rich_bag(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("made", [mcap_file, rosbag2_mcap, rosbag2_sqlite, storage_file, ros1])
+@pytest.mark.parametrize("made", [mcap_file, rosbag2_mcap, rosbag2_sqlite, storage_file, ros1, logged_late])
 def test_every_kind_of_bag_gives_its_kept_toss_and_no_other(tmp_path: Path, made: Callable[[Path], Path]) -> None:
     bag = made(tmp_path)
     all_of_it = tosses_in(bag)

@@ -1,24 +1,14 @@
 """Log times of tosses are found by their stamps, whatever lies between the two clocks."""
 
-from types import SimpleNamespace
-
-import pytest
-
-from contact_curation.storage.bags.records import BagMessage
 from contact_curation.storage.export.survey import Places, PoseTimes, Window, Windows
 
 DAY = 86_400_000
 
 
-def stamped(stamp_ns: int, log_time_ns: int) -> BagMessage:
-    header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=stamp_ns))
-    return BagMessage("/pose", "geometry_msgs/msg/PoseStamped", log_time_ns, SimpleNamespace(header=header))
-
-
 def times_of(*stamps: int) -> PoseTimes:
     times = PoseTimes()
     for stamp_ns in stamps:
-        times.note(stamped(stamp_ns, DAY + stamp_ns))
+        times.note(stamp_ns, DAY + stamp_ns)
     return times
 
 
@@ -62,10 +52,3 @@ def test_a_stray_stamp_within_a_toss_does_not_cut_it() -> None:
 
 def test_a_stamp_that_nothing_was_recorded_with_is_not_found() -> None:
     assert times_of(500, 510).places(300, 400, end=2) is None
-
-
-@pytest.mark.parametrize("message", [SimpleNamespace(), SimpleNamespace(transforms=[]), SimpleNamespace(header=None)])
-def test_messages_without_a_stamp_are_passed_over(message: object) -> None:
-    times = PoseTimes()
-    times.note(BagMessage("/tf", "tf2_msgs/msg/TFMessage", 5, message))
-    assert len(times) == 0

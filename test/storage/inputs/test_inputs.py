@@ -3,7 +3,7 @@
 import itertools
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,7 +27,7 @@ from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, P
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF, TRANSFORM
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
-from test.motion.streams import board_in_map, in_map, noisy, stream
+from test.motion.streams import PERIOD_NS, board_in_map, in_map, noisy, stream
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 from test.storage.pose_recordings import LOG_OFFSET_NS, recorded, transforms
 from test.storage.written_bags import NOETIC, Sent, note, write_ours, write_ros1, write_rosbag2
@@ -144,12 +144,23 @@ def test_a_board_that_is_logged_late_costs_no_toss(tmp_path: Path, places: int) 
     assert kinds(items) == ["Toss", "Toss"]
 
 
-def test_messages_that_are_logged_up_to_a_fifth_of_a_second_late_each_cost_no_toss(tmp_path: Path) -> None:
-    board, *sent = tagslam()
+def logged_late(folder: Path, sent: Sequence[Sent] = ()) -> Path:
+    """Messages, by default the poses of `tagslam`, that were logged up to a fifth of a second late each."""
+    board, *poses = tagslam()
+    sent = sent or poses
     late = (1e9 * np.random.default_rng(3).uniform(0.0, 0.2, len(sent))).astype(np.int64).tolist()
     logged = [one._replace(log_time_ns=one.log_time_ns + by) for one, by in zip(sent, late, strict=True)]
-    bag = write_ours(tmp_path / "late.mcap", [board, *sorted(logged, key=lambda one: one.log_time_ns)])
-    items, _ = opened(bag)
+    return write_ours(folder / "late.mcap", [board, *sorted(logged, key=lambda one: one.log_time_ns)])
+
+
+def test_messages_that_are_logged_up_to_a_fifth_of_a_second_late_each_cost_no_toss(tmp_path: Path) -> None:
+    items, _ = opened(logged_late(tmp_path))
+    assert [kind for kind in kinds(items) if kind != "Problem"] == ["Toss", "Toss"], lines(items)
+
+
+def test_messages_with_several_transforms_that_are_logged_late_cost_no_toss(tmp_path: Path) -> None:
+    sent = [Sent("/tf", LOG_OFFSET_NS + one.stamp_ns, transforms([replace(one, child="robot"), one])) for one in IN_MAP]
+    items, _ = opened(logged_late(tmp_path, sent))
     assert [kind for kind in kinds(items) if kind != "Problem"] == ["Toss", "Toss"], lines(items)
 
 
@@ -216,10 +227,12 @@ def test_poses_given_on_the_board_need_no_frames(tmp_path: Path, type_name: str)
     assert kinds(items) == ["Toss", "Toss"]
 
 
+@pytest.mark.parametrize("before", [0, 300])
 @pytest.mark.parametrize("type_name", [ODOMETRY, TRANSFORM])
-def test_of_a_topic_with_several_bodies_the_body_s_own_poses_are_taken(tmp_path: Path, type_name: str) -> None:
+def test_of_a_topic_with_several_bodies_the_body_s_own_poses_are_taken(tmp_path: Path, type_name: str, before: int) -> None:
     places = [replace(one, child="wand") for one in ON_BOARD[::-1]]
     wand = [replace(one, stamp_ns=other.stamp_ns + 2_000_000) for one, other in zip(places, ON_BOARD, strict=True)]
+    wand = [replace(wand[0], stamp_ns=wand[0].stamp_ns - k * PERIOD_NS) for k in range(before, 0, -1)] + wand
     both = recorded("/poses", type_name, wand) + recorded("/poses", type_name, ON_BOARD)
     bag = write_ours(tmp_path / "a.mcap", sorted(both, key=lambda one: one.log_time_ns))
     items, _ = opened(bag)
@@ -353,7 +366,7 @@ def test_a_bag_that_defines_odometry_its_own_way_is_read_as_far_as_it_goes(tmp_p
 
     source = find_pose_source("a", [TypedTopic(BODY, ODOMETRY)], "cube", PoseTopicConfig())
     tosses = BagTosses(TossProvenance("a"), source, CONTACTNETS_CUBE, InputsConfig())
-    assert list(tosses.of(BagMessage(BODY, ODOMETRY, 5, Strange()))) == []
+    assert list(tosses.taken(tosses.measured(BagMessage(BODY, ODOMETRY, 5, Strange())), BODY)) == []
     assert "found fields that are not its own" in next(tosses.left_out())
 
 

@@ -80,10 +80,10 @@ def test_what_is_no_pose_says_why(pose: ScalarPose, why: str) -> None:
 
 def test_a_pose_array_without_the_body_s_pose_says_what_it_holds() -> None:
     bad = measured_pose(POSE_ARRAY, message(POSE_ARRAY, ONE), "body_cube", index=2)
-    assert bad == BadPose(ONE.stamp_ns, "body_cube", "pose array: found 2 poses, expected one with index 2")
+    assert bad == BadPose(ONE.stamp_ns, "body_cube", "pose array: found 2 poses, expected one with index 2", "array")
     bad = measured_pose(POSE_ARRAY, message(POSE_ARRAY, ONE), "body_cube")
     which = "pose array: found 2 poses, expected one, or `array_index`, which of them is the body"
-    assert bad == BadPose(ONE.stamp_ns, "body_cube", which)
+    assert bad == BadPose(ONE.stamp_ns, "body_cube", which, "array")
 
 
 def test_the_only_pose_of_an_array_needs_no_index() -> None:
@@ -113,6 +113,8 @@ def test_of_a_tagslam_bag_the_body_the_board_and_the_transforms_are_read() -> No
         ([("/pose", POSE)], "/pose"),
         ([("/pose", POSE), ("/odom", ODOMETRY)], "/odom"),
         ([("/a", POSE), ("/b", POSE), ("/cube", POSE)], "/cube"),
+        ([("/vrpn/brick/odom", ODOMETRY), ("/vrpn/cube/pose", POSE)], "/vrpn/cube/pose"),
+        ([("/cube/pose", POSE), ("/cube/odom", ODOMETRY)], "/cube/odom"),
         ([("/poses", POSE_ARRAY), ("/filtered", POSE_WITH_COVARIANCE)], "/filtered"),
         ([("/odom/body_surface", ODOMETRY), ("/pose", POSE)], "/pose"),
         ([("/tf_static", TF), ("/tf", TF)], "/tf"),

@@ -70,6 +70,19 @@ def taken_as_on_board(evidence: Evidence) -> Finding | None:
     return Finding(Severity.FAULT, of_recordings(evidence, found), remedy, options=ON_BOARD)
 
 
+def of_several_bodies(evidence: Evidence) -> Finding | None:
+    """Messages of one topic that are of several frames, none of them the body's."""
+
+    def line(one: Recording) -> str:
+        if one.source is None or not one.source.is_mixed:
+            return ""
+        names = ", ".join(f"'{name}'" for name in sorted(one.source.children)[:MOST_LISTED])
+        return f"{one.source.body.name} has poses of {names}, none of them {evidence.body.name}'s"
+
+    found = by_recording(evidence, line)
+    return Finding(Severity.FAULT, of_recordings(evidence, found), "name one with --body-frame") if found else None
+
+
 def of_another_body(evidence: Evidence) -> Finding | None:
     """A topic that is called after another body."""
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from contact_curation.motion.pose_noise import LOUD, MOST, RIG_NOISE
+from contact_curation.motion.pose_stream import LOWEST_RATE
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -21,10 +22,17 @@ LONGEST = 0.2
 
 QUIETER = "more light, larger tags or a nearer camera"
 
+REMEDIES = {
+    "pose": "publish unit quaternions, and nothing where the tracker has no pose",
+    "array": "say --set poses.array_index=N, counted from 0",
+    **dict.fromkeys(("lost", "misfit", "flip", "unsure"), QUIETER),
+}
+"""By the kind of a bad pose."""
+
 
 def not_poses(evidence: Evidence) -> Finding | None:
     """Measurements that are no poses: numbers that are not finite, quaternions that are no rotations."""
-    worst = 0.0
+    worst, remedies = 0.0, list[str]()
 
     def line(one: Recording) -> str:
         nonlocal worst
@@ -32,6 +40,7 @@ def not_poses(evidence: Evidence) -> Finding | None:
         if not bad:
             return ""
         most = max(bad, key=lambda kind: bad[kind])
+        remedies.append(REMEDIES.get(most, ""))
         total = max(len(one.measured), one.poses + sum(bad.values()))
         worst = max(worst, sum(bad.values()) / total)
         return f"{sum(bad.values())} of {total} poses are unusable, most for this: {one.why_bad[most]}"
@@ -40,7 +49,7 @@ def not_poses(evidence: Evidence) -> Finding | None:
     if not found:
         return None
     severity = Severity.FAULT if worst > 0.5 or evidence.mostly_rejected else Severity.WARNING
-    return Finding(severity, of_recordings(evidence, found), "publish nothing where the tracker has no pose")
+    return Finding(severity, of_recordings(evidence, found), remedies[0])
 
 
 def frames_are_lost(evidence: Evidence) -> Finding | None:
@@ -84,7 +93,7 @@ def outliers(evidence: Evidence) -> Finding | None:
 
 def too_noisy(evidence: Evidence) -> Finding | None:
     """Poses that scatter so much that falls cannot be told from noise, but perhaps by a segmenter that expects it."""
-    if evidence.fall is not None or not evidence.is_too_noisy:
+    if evidence.fall is not None or not evidence.is_too_noisy or evidence.period > 1.0 / LOWEST_RATE:
         return None
     noise, told = evidence.survey.noise, evidence.config.inputs.segmenter.tracker_noise
     scatter = f"positions scatter by {1e3 * noise:.2g} mm from frame to frame, expected {1e3 * MOST * RIG_NOISE:.2g} mm at most"

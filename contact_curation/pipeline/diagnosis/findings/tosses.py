@@ -24,6 +24,7 @@ HINTS = {
     "acceleration in the air beyond gravity": "noise, jittering stamps or smoothed poses?",
     "displacement beside the velocity": "tracking outliers: poses jump",
     "turn beside the angular velocity": "orientations jump: flipped tags?",
+    "quaternion norm beside 1": "publish unit quaternions",
     "tilt at rest": "is the board tilted?",
     "height at rest": "board height or body size off?",
 }
@@ -35,6 +36,8 @@ SOFT = "bodies at rest lie on the board, so impacts press them into it: a firmer
 
 MOST_PERIODS = 3
 """Of a gap that a setting may accept: two frames lost at once."""
+
+RESTARTED = "stamps that start again in each recording tell no tosses apart: add the time at which each recording began"
 
 FEW = 8
 SAME_LENGTH = 1e-4
@@ -97,6 +100,23 @@ def duplicates(evidence: Evidence) -> Finding | None:
     accepted = sum(isinstance(one, Toss) for recording in evidence.recordings for one in recording.outcomes)
     what = f"{counted_tosses(len(again))} of {accepted} are duplicates: {listed(again)}"
     return Finding(Severity.WARNING, what, "give each recording once: held-out tosses must not be learned from")
+
+
+def same_ids(evidence: Evidence) -> Finding | None:
+    """Different tosses under one id, of which all but the first are left out: ids hold the first header stamp."""
+    seen: dict[str, str] = {}
+    accepted, again = 0, []
+    for recording in evidence.recordings:
+        for one in recording.outcomes:
+            if isinstance(one, Toss):
+                accepted += 1
+                if seen.setdefault(one.toss_id, one.digest()) != one.digest():
+                    again.append(f"{one.toss_id} of {recording.name}")
+    if not again:
+        return None
+    severity = Severity.FAULT if 2 * len(again) > accepted else Severity.WARNING
+    what = f"{len(again)} of {counted_tosses(accepted)} start with the header stamp of another one and are left out"
+    return Finding(severity, f"{what}: {listed(again)}", RESTARTED)
 
 
 def few(evidence: Evidence) -> Finding | None:
