@@ -37,7 +37,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
-from contact_curation.learning.evaluation.rebounds import rebounds, restitution_of
+from contact_curation.learning.evaluation.rebounds import rebound_of, rebounds
 from contact_curation.learning.evaluation.without_model import plain_errors
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.uncertainty.bounce import bounce_of
@@ -53,8 +53,8 @@ ARMS = {
     "bounce-merged": (Form.RIGID, True, True),
     "rebounds": (Form.RIGID, True, True),
 }
-"""The form, whether a restitution is learned, and whether impacts are merged. By `rebounds` it is that of first impacts, as
-`train` takes it."""
+"""The form, whether a restitution is learned, and whether impacts are merged. By `rebounds` its prior is what first impacts
+show, as in `train`."""
 
 ALL = 0
 
@@ -75,7 +75,7 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     """The optimum of tosses."""
     form, bounces, merges = ARMS[arm]
     data = transitions_of(tosses, body.length_scale)
-    seen = restitution_of(data, body) if arm == "rebounds" else None
+    seen = rebound_of(data, body) if arm == "rebounds" else None
     data = merged_impacts(data, body) if merges else data
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     drawn = initial_geometry(body, form, pivot, np.random.default_rng(seed), spread)
@@ -84,8 +84,11 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     if form is Form.RIGID:
         start = replace(start, noise=ImpulseNoise(), restitution=INITIAL_RESTITUTION if bounces else None)
     if seen is not None:
-        start = replace(start, restitution=seen)
-    return fit_held(PolytopeModel(start, body, form), data, replace(FIT, renewals=3, restitution_held=seen is not None)).model
+        start = replace(start, restitution=seen.restitution)
+    config = replace(FIT, renewals=3)
+    if seen is not None:
+        config = replace(config, restitution_spread=seen.error)
+    return fit_held(PolytopeModel(start, body, form), data, config).model
 
 
 def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:

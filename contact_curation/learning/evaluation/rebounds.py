@@ -5,6 +5,7 @@ over some frames, away from the impact, because filters of trackers spread it. G
 """
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +27,21 @@ SLOWEST = 0.1
 FEWEST = 4
 """Tosses whose first impacts give a restitution."""
 
+MISSED = 0.05
+"""Standard error of a restitution by first impacts of however many tosses: of 0.3 it is 0.25, since bodies fall meanwhile."""
+
 FALLING = 0.2
 """Share of the approach speed that gravity may add in the frames between an impact and its speeds: 0.12 for the real cube."""
 
 
-def restitution_of(data: Transitions, body: Body) -> float | None:
+class Rebound(NamedTuple):
+    """A restitution by first impacts, and its standard error."""
+
+    restitution: float
+    error: float
+
+
+def rebound_of(data: Transitions, body: Body) -> Rebound | None:
     """The median share of tosses, between 0 and 1; None of too few, or if frames are too far apart to see a rebound.
 
     Args:
@@ -41,7 +52,10 @@ def restitution_of(data: Transitions, body: Body) -> float | None:
     fall = body.scaled_gravity * float(np.median(data.dt)) ** 2 * 0.5 * (NEAR + FAR)
     if len(speeds) < FEWEST or fall > FALLING * float(np.median(speeds[:, 0])):
         return None
-    return float(np.clip(np.median(speeds[:, 1] / speeds[:, 0]), 0.0, 1.0))
+    shares = speeds[:, 1] / speeds[:, 0]
+    median = float(np.median(shares))
+    scatter = 1.4826 * float(np.median(np.abs(shares - median)))
+    return Rebound(float(np.clip(median, 0.0, 1.0)), float(np.hypot(MISSED, 1.25 * scatter / np.sqrt(len(shares)))))
 
 
 def rebounds(states: Array, starts: NDArray[np.int64], body: Body) -> Array:

@@ -30,6 +30,7 @@ from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
+from contact_curation.learning.evaluation.rebounds import Rebound
 from contact_curation.learning.fits.held_fit import HeldFit, HeldFitConfig, fit_held
 from contact_curation.motion.transitions import Transitions
 
@@ -75,7 +76,7 @@ def optimum(
     loss: LossConfig,
     trimmed: float,
     starts: int = 1,
-    restitution: float | None = None,
+    rebound: Rebound | None = None,
 ) -> Optimum:
     """Fits a polytope to tosses, starting at `theta_0`, and elsewhere.
 
@@ -85,11 +86,12 @@ def optimum(
         loss: weights and solver of the loss.
         trimmed: share of the transitions that is left out, from 0 to less than 1.
         starts: how many starts, at least 1.
-        restitution: that a theta with a restitution has; None to learn it with everything else.
+        rebound: what first impacts show of the restitution, where theta has one: its prior, in place of that of theta_0.
     """
-    config = HeldFitConfig(loss=loss, restitution_held=restitution is not None)
-    if restitution is not None:
-        start = PolytopeModel(replace(start.geometry(), restitution=restitution), start.body, start.form)
+    config = HeldFitConfig(loss=loss)
+    if rebound is not None:
+        start = PolytopeModel(replace(start.geometry(), restitution=rebound.restitution), start.body, start.form)
+        config = replace(config, restitution_spread=rebound.error)
     with np.errstate(all="ignore"):  # `Optimum.finite` reports numbers that are not finite
         found = fit_held(start, data, config) if starts == 1 else _from_lowest(start, data, config, starts)
         steps, kept = found.steps, np.ones(len(data.dt), dtype=bool)

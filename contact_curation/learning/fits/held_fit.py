@@ -15,10 +15,10 @@ learned from the residuals of a fit, and the fit is repeated with it, `renewals`
 fit, as in iteratively re-weighted least squares; otherwise theta could lower the sum by predicting harder impacts. sigma^2 is
 then the variance of transitions without an impact: it falls by as much as the weights lower the mean loss.
 
-A restitution is the one of theta_0 where that is known from first impacts (`restitution_held`). Else it is learned by the
-fits before, and held in those with weights: impacts alone tell of it, and the weights discount them by what the model does not
-explain. With weights it ended at 0.06 for a body whose impacts leave with 0.41 of their speed, without at 0.43
-(docs/results.md, "Bodies that bounce"). No step moves it beyond its bounds 0 and 1.
+A restitution is learned by the fits before, and held in those with weights: impacts alone tell of it, and the weights discount
+them by what the model does not explain. With weights it ended at 0.06 for a body whose impacts leave with 0.41 of their speed,
+without at 0.43 (docs/results.md, "Bodies that bounce"). No step moves it beyond its bounds 0 and 1. Its prior may be what first
+impacts show (`restitution_spread`; exact_fit.py).
 
 From a random initialisation the sum has local minima, most of all with few tosses: one vertex takes over the impulses of
 another, which then drifts away from the body. A stronger prior removes them. So the first fit has sigma^2 = 1, and the next
@@ -44,7 +44,12 @@ from contact_curation.learning.evaluation.evaluation import transition_losses
 from contact_curation.learning.fits.damped_descent import DescentLimits, Iterate, descend
 from contact_curation.learning.fits.learned_noise import noise_of_model
 from contact_curation.learning.fits.polytope_fit import checked_weights
-from contact_curation.learning.fits.polytope_sums import fixed_restitution, physical_difference, polytope_sums
+from contact_curation.learning.fits.polytope_sums import (
+    RESTITUTION_PLACE,
+    fixed_restitution,
+    physical_difference,
+    polytope_sums,
+)
 from contact_curation.motion.transitions import Transitions
 
 
@@ -64,7 +69,7 @@ class HeldFitConfig:
         damping: damping of the first step of the first fit, and of the first step of later fits.
         largest_damping: as in `DescentLimits`.
         renewals: how often the noise of the rigid form is learned and the fit repeated; with 0 all residuals have one variance.
-        restitution_held: whether a restitution stays as it is in theta_0.
+        restitution_spread: standard deviation of what is known of a restitution beforehand.
     """
 
     loss: LossConfig = field(default_factory=lambda: DEFAULT_LOSS)
@@ -78,7 +83,7 @@ class HeldFitConfig:
     damping: tuple[float, float] = (1.0, 0.1)
     largest_damping: float = 1e6
     renewals: int = 2
-    restitution_held: bool = False
+    restitution_spread: float = INITIAL_NOISE
 
     def __post_init__(self) -> None:
         if not self.noise or min(self.noise) <= 0.0:
@@ -129,9 +134,7 @@ def fit_held(
         last = number == len(stages) - 1
         tolerance = config.tolerance if last else config.early_tolerance
         damping = config.damping[0 if number == 0 and origin is None else 1]
-        held = HeldSum(
-            data, counts, config, (origin or start).geometry(), noise, np.ones(len(data.dt)), config.restitution_held
-        )
+        held = HeldSum(data, counts, config, (origin or start).geometry(), noise, np.ones(len(data.dt)))
         limits = DescentLimits(tolerance, config.steps, damping, config.largest_damping)
         found = descend(model, held.iterate, limits)
         model, steps = found.iterate.model, steps + found.steps
@@ -221,6 +224,8 @@ class HeldSum:
         """(P,) sigma^2 A0, whose diagonal is all there is."""
         holds = np.full(parameters, self.noise / self.config.spread**2)
         holds[-3:-1] = self.noise / self.config.tilt**2
+        if self.origin.restitution is not None:
+            holds[RESTITUTION_PLACE] = self.noise / self.config.restitution_spread**2
         return holds
 
     @property
