@@ -106,7 +106,7 @@ def few(evidence: Evidence) -> Finding | None:
     if not all(one.whole for one in evidence.recordings):
         return None
     what = f"only {counted_tosses(len(evidence.tosses))}"
-    return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer identify neither vertices nor friction")
+    return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer leave vertices or friction open")
 
 
 def _wider_gap(lines: list[str], largest: float) -> str:
