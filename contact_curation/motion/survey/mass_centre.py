@@ -90,7 +90,7 @@ class MassCentre(NamedTuple):
         return float(self.place @ np.linalg.pinv(self.covariance, rcond=SEEN, hermitian=True) @ self.place) > CERTAIN
 
 
-class _Equations(NamedTuple):
+class Fall(NamedTuple):
     """Of a flight: what `unknowns` (n, 6), a and d, have to add up to (n,)."""
 
     unknowns: Array
@@ -107,18 +107,18 @@ def mass_centre(survey: Survey) -> MassCentre | None:
     equations = [one for flight in flights if (one := _equations(survey.series[flight.series], flight)) is not None]
     if len(equations) < FEWEST_FLIGHTS:
         return None
-    found = _least_squares(equations, 6)
+    found = least_squares(equations, 6)
     if found is None:
         return None
     values, covariance, used = found
-    at_origin = _least_squares([one._replace(unknowns=one.unknowns[:, :3]) for one in equations], 3)
-    without = float("inf") if at_origin is None else float(np.median(_residuals(at_origin[2], at_origin[0])))
+    at_origin = least_squares([one._replace(unknowns=one.unknowns[:, :3]) for one in equations], 3)
+    without = float("inf") if at_origin is None else float(np.median(residuals_of(at_origin[2], at_origin[0])))
     return MassCentre(
-        len(used), values[3:], covariance[3:, 3:], values[:3], float(np.median(_residuals(used, values))), without
+        len(used), values[3:], covariance[3:, 3:], values[:3], float(np.median(residuals_of(used, values))), without
     )
 
 
-def _least_squares(equations: Sequence[_Equations], unknowns: int) -> tuple[Array, Array, Sequence[_Equations]] | None:
+def least_squares(equations: Sequence[Fall], unknowns: int) -> tuple[Array, Array, Sequence[Fall]] | None:
     """Unknowns, their covariance and the flights that were used; None where these do not determine them."""
     used = equations
     for _ in range(ROUNDS):
@@ -127,7 +127,7 @@ def _least_squares(equations: Sequence[_Equations], unknowns: int) -> tuple[Arra
             return None
         inverse = np.linalg.pinv(normal, rcond=SEEN, hermitian=True)
         values = inverse @ sum((one.unknowns.T @ one.seen for one in used), np.zeros(unknowns))
-        residuals = _residuals(equations, values)
+        residuals = residuals_of(equations, values)
         near = residuals <= OUTLYING * float(np.median(residuals))
         before, used = used, [one for one, is_near in zip(equations, near, strict=True) if is_near]
     pulls = np.array([one.unknowns.T @ (one.seen - one.unknowns @ values) for one in before])
@@ -136,21 +136,35 @@ def _least_squares(equations: Sequence[_Equations], unknowns: int) -> tuple[Arra
     return values, covariance, before
 
 
-def _residuals(equations: Sequence[_Equations], values: Array) -> Array:
+def residuals_of(equations: Sequence[Fall], values: Array) -> Array:
+    """(n,) root mean squares of flights."""
     return np.array([one.residual(values) for one in equations])
 
 
-def _equations(series: PoseSeries, flight: Flight) -> _Equations | None:
+def _equations(series: PoseSeries, flight: Flight) -> Fall | None:
     frames = slice(flight.first + 1, flight.stop - 1)
+    return fall_of(series, frames) if frames.stop - frames.start >= FEWEST_FRAMES else None
+
+
+def fall_of(series: PoseSeries, frames: slice, *, drag: bool = False) -> Fall:
+    """The equations of some frames of a flight; with the drag of the air, relative to the speed squared, as a last unknown."""
     times = series.times[frames]
-    if len(times) < FEWEST_FRAMES:
-        return None
     times = times - times.mean()
     turns = series.orientations_wxyz[frames]
     axes = np.stack([quaternions.rotate(turns, np.broadcast_to(axis, (len(turns), 3))) for axis in np.eye(3)], axis=2)
     falls = 0.5 * (times**2)[:, None, None] * np.eye(3)
+    slows = [_slowed(times, series.positions[frames])[:, :, None]] if drag else []
     own = np.linalg.qr(np.stack([np.ones(len(times)), times], axis=1))[0]  # (n, 2) of the flight's own c and v
-    unknowns = np.concatenate([falls, -axes], axis=2)  # (n, 3, 6)
+    unknowns = np.concatenate([falls, -axes, *slows], axis=2)  # (n, 3, 6 or 7)
     unknowns = unknowns - np.einsum("ni,mi,mab->nab", own, own, unknowns)
     seen = series.positions[frames] - own @ (own.T @ series.positions[frames])
-    return _Equations(unknowns.reshape(-1, 6), seen.reshape(-1))
+    return Fall(unknowns.reshape(-1, unknowns.shape[2]), seen.reshape(-1))
+
+
+def _slowed(times: Array, positions: Array) -> Array:
+    """(n, 3) what a drag of one per length moves a body, by the parabola of its positions."""
+    terms = np.polynomial.polynomial.polyfit(times, positions, 2)
+    speeds = terms[1] + 2.0 * times[:, np.newaxis] * terms[2]
+    slower = -np.linalg.norm(speeds, axis=1, keepdims=True) * speeds
+    steps = np.gradient(times)[:, np.newaxis]
+    return np.cumsum(np.cumsum(slower * steps, axis=0) * steps, axis=0)
