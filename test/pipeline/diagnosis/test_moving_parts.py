@@ -10,6 +10,7 @@ from benchmarks.data.moving_parts import NOISES, evidence_of, thrown, tracked, x
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
 from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.findings import smoothing
 from contact_curation.pipeline.diagnosis.findings.body import moving_parts
 from contact_curation.pipeline.diagnosis.findings.rig import inertia, mass_centre
 from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
@@ -53,3 +54,13 @@ def test_a_body_that_vibrates_in_the_air_is_no_filter_since_noise_is_white_at_re
 
     assert smoothed(looked_at(filtered=False)) is None
     assert smoothed(looked_at(filtered=True)) is not None
+
+
+def test_a_few_throws_whose_impacts_are_spread_may_have_landed_on_one_corner_after_the_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    evidence = evidence_of(tuple(recorded(CONTACTNETS_CUBE.polytope, Rig(), Throws(count=16))), CONTACTNETS_CUBE)
+    monkeypatch.setattr(smoothing, "_sharpness", lambda _: np.array([0.5, 0.6, 0.7]))
+    assert smoothed(evidence) is None
+    monkeypatch.setattr(smoothing, "_sharpness", lambda _: np.array([0.4, 0.5, 0.6, 0.6, 0.6, 0.7]))
+    assert smoothed(evidence) is not None
