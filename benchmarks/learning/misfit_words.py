@@ -65,7 +65,7 @@ def rubbed(body: Body, tosses: Sequence[Toss], seed: int) -> str:
     geometry = fitted(body, data, seed, bounces=False).geometry()
     share = sliding_share(data, geometry, body)
     learned = float(np.linalg.norm(geometry.tangents[0]))
-    said = "said" if sticking_in_words(data, geometry, body) else "not said"
+    said = "said" if sticking_in_words(data, geometry, body, sliding_of(tosses, body)) else "not said"
     return f"{learned:.3f} learned, {100.0 * (share or 0.0):.0f} % of frames slide, {said}"
 
 

@@ -18,6 +18,7 @@ from contact_curation.motion.survey.mass_centre import MassCentre
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig, worth_correcting
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.findings.body import moving_parts
 from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig, center_of_mass_option, settings_of
 from contact_curation.pipeline.wording import counted_tosses
@@ -60,20 +61,23 @@ def run(arguments: argparse.Namespace) -> int:
     if evidence.fall is None or not evidence.fall.sound:
         raise NothingFoundError(concluded(evidence).verdict, warnings)
     warn(warnings)
-    found = estimate_rig(evidence.survey, body.polytope, body.gravity, center=evidence.center, fewest=FEWEST_TOSSES)
+    found = estimate_rig(evidence.survey, body.polytope, evidence.true_fall, center=evidence.center, fewest=FEWEST_TOSSES)
     settings = settings_of(worth_correcting(found)) if stages["rig"] == NO_CORRECTION else ""
-    centre = evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig)
+    rigid = evidence.departure is None
+    centre = None if not rigid else evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig)
     move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
     if arguments.json:
         print_json(_document(found, settings, move, warnings) | {"mass_centre": _centre_document(centre, move)})
     else:
-        print("\n".join((*_lines(found), _centre_line(centre, move), *_ways_to_correct(found, settings, move))))
+        print("\n".join((*_lines(found), _centre_line(centre, move, rigid), *_ways_to_correct(found, settings, move))))
     return 0
 
 
 def _warnings(evidence: Evidence) -> Iterator[str]:
     for one in evidence.recordings:
         yield from (f"{one.path}: {line}" for line in (one.unreadable, one.no_topic, *one.losses) if line)
+    if (parts := moving_parts(evidence)) is not None:
+        yield parts.line
     twice = sum(len(one.series) for one in evidence.recordings) - len(evidence.series)
     if twice:
         yield f"{twice} series of poses are in the inputs twice: each counts once"
@@ -132,7 +136,9 @@ def _lines(found: RigEstimate) -> Iterator[str]:
     yield from (f"unclear {line}" for line in found.doubts)
 
 
-def _centre_line(centre: MassCentre | None, option: str) -> str:
+def _centre_line(centre: MassCentre | None, option: str, rigid: bool) -> str:
+    if not rigid:
+        return "mass    bodies do not move as rigid ones in the air: neither their centre of mass nor the scale can be told"
     if centre is None:
         return "mass    too few throws turn in the air to tell where the centre of mass is"
     if not option:

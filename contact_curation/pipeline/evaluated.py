@@ -127,7 +127,7 @@ class Evaluation:
             return ""
         model = self.models[0].model
         data = transitions_of((*self.tosses.fitted, *self.tosses.judged_by), model.body.length_scale)
-        return sticking_in_words(as_described(data, model.geometry(), model.body), model.geometry(), model.body)
+        return sticking_in_words(as_described(data, model.geometry(), model.body), model.geometry(), model.body, self.sliding)
 
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""
@@ -217,7 +217,7 @@ def _summary(each: Summary, share: str) -> Iterator[str]:
 
 
 def _cells(interval: Interval) -> str:
-    ends = f"{interval.low:.2f} to {interval.high:.2f}" if isfinite(interval.low) else "of one toss: none"
+    ends = f"{interval.low:.2f} to {interval.high:.2f}" if isfinite(interval.low) else "of so few: none"
     return f"{interval.value:8.2f}  {ends:18}"
 
 

@@ -22,7 +22,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoints.stored_model import notes_of_bytes
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig
-from contact_curation.learning.evaluation.misfit import sticking_in_words
+from contact_curation.learning.evaluation.misfit import sliding_of, sticking_in_words
 from contact_curation.learning.training.curated import CuratedTraining
 from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.objective import mean_loss
@@ -233,8 +233,11 @@ class TrainingRun:
 
     def sticking(self) -> str:
         """What contacts that seldom slide say against the friction of an optimum; empty for nothing."""
+        if not self._at_optimum:
+            return ""
         model = self.curated.training.trained()
-        return sticking_in_words(self.curated.training.data, model.geometry(), model.body) if self._at_optimum else ""
+        slid = sliding_of(self.plan.tosses, model.body)
+        return sticking_in_words(self.curated.training.data, model.geometry(), model.body, slid)
 
     def more_throws(self) -> MoreThrows | None:
         """How far as many throws again would change predicted motions, of the held-out tosses if there are any."""

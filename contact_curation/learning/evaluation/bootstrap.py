@@ -5,6 +5,7 @@ each toss makes: hard tosses are hard for both, so that a difference is far sure
 """
 
 from dataclasses import dataclass
+from math import ceil, log2
 from typing import NamedTuple
 
 import numpy as np
@@ -35,9 +36,14 @@ class BootstrapConfig:
             raise InvalidValueError("bootstrap.confidence", self.confidence, "a number between 0 and 1")
         set_whole_numbers(self, ("seed",), prefix="bootstrap.")
 
+    @property
+    def fewest(self) -> int:
+        """Tosses that an interval needs: all n of them are on one side of the true median in 2^(1 - n) of the cases."""
+        return max(2, ceil(1.0 - log2(1.0 - self.confidence)))
+
 
 class Interval(NamedTuple):
-    """A statistic over tosses and its interval, whose ends are NaN where there are fewer than two tosses."""
+    """A statistic over tosses and its interval, whose ends are NaN of fewer tosses than one needs, 6 for 95 %."""
 
     value: float
     low: float
@@ -86,7 +92,7 @@ def paired_spread(ours: ArrayLike, theirs: ArrayLike, config: BootstrapConfig) -
 
 
 def _interval(value: float, statistics: Array, tosses: int, config: BootstrapConfig) -> Interval:
-    if tosses < 2:
+    if tosses < config.fewest:
         return Interval(value, np.nan, np.nan)
     outside = 0.5 * (1.0 - config.confidence)
     low, high = np.quantile(statistics, [outside, 1.0 - outside])

@@ -118,13 +118,16 @@ def sliding_in_words(found: Sliding | None, friction: float, interval: float) ->
     )
 
 
-def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body: Body) -> str:
+def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body: Body, found: Sliding | None) -> str:
     """How seldom contacts slide, if so seldom that the learned friction is too low; else empty.
+
+    Nothing is said against bodies that slide with no more friction: contacts of a model that is wrong otherwise stick, too.
 
     Args:
         data: that it was learned from, as theta describes it (`information.impacts.as_described`).
         geometry: learned, to the optimum; None otherwise, and for a network.
         body: that moves.
+        found: frictions of the tosses that slide; None where they are not known.
     """
     if geometry is None or len(data.toss_ids) < FEWEST:
         return ""
@@ -132,6 +135,8 @@ def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body:
     if share is None or share >= SLIDING:
         return ""
     friction = float(np.linalg.norm(geometry.tangents[0]))
+    if found is not None and found.median <= friction:
+        return ""
     return (
         f"friction hardly used up: contacts slide in {100.0 * share:.0f} % of the frames that move on the board (expected "
         f"{100.0 * SLIDING:.0f} % at least), so the friction is higher than the {friction:.2f} that is learned"
@@ -164,11 +169,11 @@ def misfits(tosses: Sequence[Toss], body: Body, geometry: ContactGeometry | None
         bounces: whether the model has a restitution.
     """
     bounce = "" if bounces else bounce_in_words(tosses, body)
-    data = as_described(transitions_of(tosses, body.length_scale), geometry, body)
+    data, slid = as_described(transitions_of(tosses, body.length_scale), geometry, body), sliding_of(tosses, body)
     lines = (
         bounce,
         softness_in_words(tosses, body),
-        variation_in_words(sliding_of(tosses, body)),
-        "" if bounce else sticking_in_words(data, geometry, body),
+        variation_in_words(slid),
+        "" if bounce else sticking_in_words(data, geometry, body, slid),
     )
     return tuple(line for line in lines if line)

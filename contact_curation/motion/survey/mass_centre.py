@@ -38,9 +38,6 @@ SEEN = 1e-9
 NORMAL_95 = 1.96
 """Standard errors of a 95 % interval, on either side."""
 
-UNKNOWNS = 6
-"""The acceleration and the place."""
-
 CERTAIN = 16.3
 """The 99.9 % quantile of chi-squared with 3 degrees of freedom: a smaller squared deviation from 0 may be chance."""
 
@@ -89,7 +86,7 @@ class MassCentre(NamedTuple):
         return float(self.place @ np.linalg.pinv(self.covariance, rcond=SEEN, hermitian=True) @ self.place) > CERTAIN
 
 
-class _Equations(NamedTuple):
+class Fall(NamedTuple):
     """Of a flight: what `unknowns` (n, 6), a and d, have to add up to (n,)."""
 
     unknowns: Array
@@ -106,42 +103,60 @@ def mass_centre(survey: Survey) -> MassCentre | None:
     equations = [one for flight in flights if (one := _equations(survey.series[flight.series], flight)) is not None]
     if len(equations) < FEWEST_FLIGHTS:
         return None
-    found = _least_squares(equations)
+    found = least_squares(equations, 6)
     if found is None:
         return None
-    values, covariance, flights_used = found
-    return MassCentre(flights_used, values[3:], covariance[3:, 3:], values[:3])
+    values, covariance, used = found
+    return MassCentre(used, values[3:], covariance[3:, 3:], values[:3])
 
 
-def _least_squares(equations: Sequence[_Equations]) -> tuple[Array, Array, int] | None:
-    """The six unknowns, their covariance and how many flights were used; None where these do not determine them."""
+def least_squares(equations: Sequence[Fall], unknowns: int) -> tuple[Array, Array, int] | None:
+    """Unknowns, their covariance and how many flights were used; None where these do not determine them."""
     used = equations
     for _ in range(ROUNDS):
-        normal = sum((one.unknowns.T @ one.unknowns for one in used), np.zeros((UNKNOWNS, UNKNOWNS)))
+        normal = sum((one.unknowns.T @ one.unknowns for one in used), np.zeros((unknowns, unknowns)))
         if len(used) < FEWEST_FLIGHTS:
             return None
         inverse = np.linalg.pinv(normal, rcond=SEEN, hermitian=True)
-        values = inverse @ sum((one.unknowns.T @ one.seen for one in used), np.zeros(UNKNOWNS))
-        residuals = np.array([one.residual(values) for one in equations])
+        values = inverse @ sum((one.unknowns.T @ one.seen for one in used), np.zeros(unknowns))
+        residuals = residuals_of(equations, values)
         near = residuals <= OUTLYING * float(np.median(residuals))
         before, used = used, [one for one, is_near in zip(equations, near, strict=True) if is_near]
     pulls = np.array([one.unknowns.T @ (one.seen - one.unknowns @ values) for one in before])
     count = len(before)
-    covariance = inverse @ (pulls.T @ pulls) @ inverse * count / max(count - UNKNOWNS, 1)
+    covariance = inverse @ (pulls.T @ pulls) @ inverse * count / max(count - unknowns, 1)
     return values, covariance, count
 
 
-def _equations(series: PoseSeries, flight: Flight) -> _Equations | None:
+def residuals_of(equations: Sequence[Fall], values: Array) -> Array:
+    """(n,) root mean squares of flights."""
+    return np.array([one.residual(values) for one in equations])
+
+
+def _equations(series: PoseSeries, flight: Flight) -> Fall | None:
     frames = slice(flight.first + 1, flight.stop - 1)
+    return fall_of(series, frames) if frames.stop - frames.start >= FEWEST_FRAMES else None
+
+
+def fall_of(series: PoseSeries, frames: slice, *, drag: bool = False) -> Fall:
+    """The equations of some frames of a flight; with the drag of the air, relative to the speed squared, as a last unknown."""
     times = series.times[frames]
-    if len(times) < FEWEST_FRAMES:
-        return None
     times = times - times.mean()
     turns = series.orientations_wxyz[frames]
     axes = np.stack([quaternions.rotate(turns, np.broadcast_to(axis, (len(turns), 3))) for axis in np.eye(3)], axis=2)
     falls = 0.5 * (times**2)[:, None, None] * np.eye(3)
+    slows = [_slowed(times, series.positions[frames])[:, :, None]] if drag else []
     own = np.linalg.qr(np.stack([np.ones(len(times)), times], axis=1))[0]  # (n, 2) of the flight's own c and v
-    unknowns = np.concatenate([falls, -axes], axis=2)  # (n, 3, 6)
+    unknowns = np.concatenate([falls, -axes, *slows], axis=2)  # (n, 3, 6 or 7)
     unknowns = unknowns - np.einsum("ni,mi,mab->nab", own, own, unknowns)
     seen = series.positions[frames] - own @ (own.T @ series.positions[frames])
-    return _Equations(unknowns.reshape(-1, 6), seen.reshape(-1))
+    return Fall(unknowns.reshape(-1, unknowns.shape[2]), seen.reshape(-1))
+
+
+def _slowed(times: Array, positions: Array) -> Array:
+    """(n, 3) what a drag of one per length moves a body, by the parabola of its positions."""
+    terms = np.polynomial.polynomial.polyfit(times, positions, 2)
+    speeds = terms[1] + 2.0 * times[:, np.newaxis] * terms[2]
+    slower = -np.linalg.norm(speeds, axis=1, keepdims=True) * speeds
+    steps = np.gradient(times)[:, np.newaxis]
+    return np.cumsum(np.cumsum(slower * steps, axis=0) * steps, axis=0)

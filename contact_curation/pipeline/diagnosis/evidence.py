@@ -16,6 +16,7 @@ from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
+from contact_curation.motion.survey.rigidity import Departure, departure
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
 from contact_curation.motion.survey.sliding import Sliding
@@ -39,6 +40,13 @@ WIDEST = 20.0
 
 STEEPEST = 20.0
 """Degrees between gravity and an axis, from which on it is along none."""
+
+DEPARTING = 3.0
+"""Times its scatter: so far no point of bodies is from falling on a parabola that do not move as rigid ones
+(`benchmarks.data.moving_parts`)."""
+
+AIR, DRAG = 1.2, 1.2
+"""Density [kg/m^3], and a blunt body's drag coefficient."""
 
 AXES = {"-z": (0, 0, -1), "z": (0, 0, 1), "-x": (-1, 0, 0), "x": (1, 0, 0), "-y": (0, -1, 0), "y": (0, 1, 0)}
 
@@ -179,6 +187,19 @@ class Evidence:
         spans = [float(np.ptp(one.positions, axis=0).max()) for _, one in self.series if len(one)]
         return max(spans, default=0.0) < WIDEST and self.survey.noise > MOST * RIG_NOISE
 
+    @cached_property
+    def departure(self) -> Departure | None:
+        """How far no point of bodies in the air falls on a parabola, where they do not move as rigid ones; else None.
+
+        The air slows a light body more in one orientation than in another: what its drag could do is no sign of moving parts.
+        """
+        found = departure(self.survey, RIG_NOISE) if self.fall is not None and self.fall.sound else None
+        if found is None or found.times < DEPARTING:
+            return None
+        spans = np.sort(np.ptp(self.body.vertices @ np.linalg.svd(self.body.vertices)[2].T, axis=0))
+        drag = 0.5 * AIR * DRAG * spans[1] * spans[2] / self.body.mass
+        return found if found.size > drag * found.slowed else None
+
     @property
     def rests_on_board(self) -> bool:
         """Whether bodies come to rest at the height of the board, but for what may be chance."""
@@ -186,8 +207,11 @@ class Evidence:
 
     @property
     def moved_centre(self) -> MassCentre | None:
-        """The centre of mass seen from where it is described, where it is certainly and noticeably not there; needs `rig`."""
-        if self.rig is None or self.mass_centre is None:
+        """The centre of mass seen from where it is described, where it is certainly and noticeably not there; needs `rig`.
+
+        None of bodies that do not move as rigid ones: these turn about no point of theirs.
+        """
+        if self.rig is None or self.mass_centre is None or self.departure is not None:
             return None
         found = self.mass_centre.seen_from_described(self.rig.rig)
         return found if found.is_elsewhere and found.distance > WORTH_MOVE * size_of(self.body.vertices) else None
@@ -195,7 +219,7 @@ class Evidence:
     @cached_property
     def inertia(self) -> InertiaShape | None:
         """How moments and products of inertia are in relation, by free flights, in the described axes; needs `rig`."""
-        found = inertia_shape(self.survey)
+        found = inertia_shape(self.survey) if self.departure is None else None
         if found is None or self.rig is None:
             return None
         return found.turned(quaternions.to_matrix(quaternions.exp(np.array(self.rig.rig.marker_turn))))
@@ -206,13 +230,18 @@ class Evidence:
         centre = self.mass_centre
         return centre.place if centre is not None and centre.is_elsewhere else None
 
+    @property
+    def true_fall(self) -> float:
+        """Acceleration of falling bodies if lengths are right: gravity, or the measured one of bodies that are not rigid."""
+        return self.body.gravity if self.departure is None or self.fall is None else self.fall.size
+
     @cached_property
     def rig(self) -> RigEstimate | None:
         """None where poses are not in metres with z up, or throws are too few."""
         if self.fall is None or not self.fall.sound:
             return None
         try:
-            return estimate_rig(self.survey, self.body.polytope, self.body.gravity, center=self.center)
+            return estimate_rig(self.survey, self.body.polytope, self.true_fall, center=self.center)
         except InvalidValueError:
             return None
 

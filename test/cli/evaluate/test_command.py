@@ -209,7 +209,7 @@ def test_a_network_is_judged_and_what_is_known_of_it_is_said_in_a_line(cli: Cli,
     assert done.status == 0
     assert done.out.splitlines()[0] == "evaluated on 1 toss"
     assert "a network of end_to_end has none with units" in done.out
-    assert "of one toss: none" in done.out
+    assert "of so few: none" in done.out
 
 
 def test_a_theta_with_a_scale_of_its_own_is_judged_and_what_is_known_of_it_is_said_in_a_line(

@@ -10,9 +10,9 @@ CONFIG = BootstrapConfig(resamples=500, confidence=0.9, seed=3)
 
 
 def test_values_are_the_plain_statistics() -> None:
-    found = spread([1.0, 2.0, 3.0, 10.0], CONFIG)
+    found = spread([1.0, 2.0, 2.0, 3.0, 3.0, 13.0], CONFIG)
     assert (found.median.value, found.mean.value) == (2.5, 4.0)
-    assert 1.0 <= found.mean.low < 4.0 < found.mean.high <= 10.0
+    assert 1.0 <= found.mean.low < 4.0 < found.mean.high <= 13.0
     assert 1.0 <= found.median.low <= 2.5 <= found.median.high <= 10.0
 
 
@@ -47,11 +47,14 @@ def test_pairs_are_far_surer_than_two_figures_where_hard_tosses_are_hard_for_bot
     assert alone.high - alone.low > 30.0 * (paired.high - paired.low)
 
 
-def test_one_toss_has_no_interval() -> None:
-    median = spread([7.0], CONFIG).median
-    assert median.value == 7.0
+@pytest.mark.parametrize(("confidence", "fewest"), [(0.5, 2), (0.9, 5), (0.95, 6), (0.99, 8)])
+def test_tosses_too_few_to_have_the_true_median_among_them_so_often_have_no_interval(confidence: float, fewest: int) -> None:
+    config = BootstrapConfig(500, confidence)
+    median = spread(np.arange(1.0, fewest), config).median
+    assert median.value == 0.5 * fewest
     assert np.isnan([median.low, median.high]).all()
     assert isinstance(median, Interval)
+    assert np.isfinite(spread(np.arange(1.0, fewest + 1.0), config).median.low)
 
 
 @pytest.mark.parametrize("values", [[], [1.0, np.nan], [np.inf], [[1.0]]])

@@ -74,3 +74,8 @@ def test_check_says_where_the_described_moments_are_others() -> None:
     assert found is not None
     assert "of 0.57 : 1.09 : 1.34, described 1.00 : 1.00 : 1.00" in found.what
     assert found.remedy.startswith("correct the --body file, inertia: [0.000227, 0.00043")
+    assert "(xx : yy : zz) of" in found.what
+    skew = replace(right, inertia=right.inertia + 5e-5 * np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
+    found = inertia(Evidence(ReadingConfig(skew), (recording,)))
+    assert found is not None  # products that are wrong are among the numbers, moments alone would look alike
+    assert "(xx : yy : zz : xy : xz : yz) of" in found.what

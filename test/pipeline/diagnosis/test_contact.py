@@ -21,7 +21,7 @@ from contact_curation.learning.evaluation.misfit import (
     sticking_in_words,
 )
 from contact_curation.motion.survey.series import series_of
-from contact_curation.motion.survey.sliding import sliding
+from contact_curation.motion.survey.sliding import Sliding, sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.diagnosis.evidence import Evidence
@@ -158,13 +158,15 @@ def test_a_friction_that_is_hardly_used_up_is_said_to_be_higher() -> None:
     share = sliding_share(data, learned, CUBE)
     assert share is not None
     assert share < 0.5
-    assert sticking_in_words(data, learned, CUBE) == (
+    assert sticking_in_words(data, learned, CUBE, None) == (
         f"friction hardly used up: contacts slide in {100.0 * share:.0f} % of the frames that move on the board (expected 60 % "
         "at least), so the friction is higher than the 0.55 that is learned"
     )
-    assert sticking_in_words(transitions_of(tosses[:7], CUBE.length_scale), learned, CUBE) == ""
-    assert sticking_in_words(data, None, CUBE) == ""
-    assert sticking_in_words(transitions_of(thrown(), CUBE.length_scale), described, CUBE) == ""
+    assert sticking_in_words(transitions_of(tosses[:7], CUBE.length_scale), learned, CUBE, None) == ""
+    assert sticking_in_words(data, None, CUBE, None) == ""
+    assert sticking_in_words(data, learned, CUBE, Sliding(np.full(8, 0.9), np.full(8, 0.02))) != ""
+    assert sticking_in_words(data, learned, CUBE, Sliding(np.full(8, 0.5), np.full(8, 0.02))) == ""  # slides contradict it
+    assert sticking_in_words(transitions_of(thrown(), CUBE.length_scale), described, CUBE, None) == ""
 
 
 def test_bounds_on_accuracy_are_not_left_alone_beside_a_model_that_is_not_right() -> None:

@@ -75,3 +75,8 @@ def test_the_setting_that_accepts_single_lost_frames_is_offered() -> None:
 def test_no_setting_is_offered_for_long_gaps() -> None:
     assert found(gaps(7.0)).settings == ()
     assert found(gaps(4.0, 3.5), largest_gap=3.5).settings == ()
+
+
+@pytest.mark.parametrize(("seconds", "says"), [(0.03, "record at a steady rate"), (2.0, "rests flat on a described face")])
+def test_a_pause_after_a_body_that_never_lies_on_a_described_face_is_no_loss_of_frames(seconds: float, says: str) -> None:
+    assert says in found(gaps(148.0 * seconds)).line

@@ -52,6 +52,7 @@ FINDINGS: tuple[Find, ...] = (
     body.other_unit,
     body.other_shape,
     poses.noisy,
+    body.moving_parts,
     rig.tilt,
     rig.length_scale,
     body.other_size,

@@ -4,9 +4,11 @@ import numpy as np
 
 from contact_curation.motion.survey.rests import rests_of
 from contact_curation.motion.survey.rig import RigEstimate
-from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.evidence import DEPARTING, Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.orientations import ASKEW, off_flat
+from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
+from contact_curation.pipeline.diagnosis.findings.stamps import closed_up
 
 WIDE = 1.0
 """[m] What is described narrower is not described in millimetres."""
@@ -79,6 +81,20 @@ def other_size(evidence: Evidence) -> Finding | None:
         f"at rest and {'on its edges' if on_edges else 'on one face as on others'}"
     )
     return Finding(Severity.FAULT if large else Severity.WARNING, what, "measure the body and correct its --body file")
+
+
+def moving_parts(evidence: Evidence) -> Finding | None:
+    """Bodies none of whose points falls on a parabola in the air, as the centre of mass of a rigid one does."""
+    found = evidence.departure
+    if found is None or smoothed(evidence) is not None or closed_up(evidence) is not None:
+        return None
+    what = (
+        f"bodies do not move as rigid ones in the air: no point of theirs falls on a parabola, the nearest is "
+        f"{1e3 * found.size:.2g} mm off, {found.times:.1f} times its scatter (median of {found.flights} flights, expected "
+        f"{DEPARTING:g} at most)"
+    )
+    mend = "moving parts, a load, a body that bends? models are rigid; if nothing moves, calibrate the tracker over its view"
+    return Finding(Severity.FAULT if evidence.mostly_rejected else Severity.WARNING, what, mend)
 
 
 def _size_by_faces(evidence: Evidence, rig: RigEstimate) -> float | None:

@@ -96,11 +96,15 @@ def inertia(evidence: Evidence) -> Finding | None:
     rig, found, body = _rig(evidence), evidence.inertia, evidence.body
     if rig is None or found is None or not found.differs_from(body.inertia):
         return None
-    if np.abs(found.values - shape_of(body.inertia)).max() < WORTH_INERTIA:
+    off = np.abs(found.values - shape_of(body.inertia))
+    if off.max() < WORTH_INERTIA:
         return None
-    seen, described = (" : ".join(f"{value:.2f}" for value in shape[:3]) for shape in (found.values, shape_of(body.inertia)))
+    numbers, names = (3, "xx : yy : zz") if off[3:].max() < WORTH_INERTIA else (6, "xx : yy : zz : xy : xz : yz")
+    seen, described = (
+        " : ".join(f"{value:z.2f}" for value in shape[:numbers]) for shape in (found.values, shape_of(body.inertia))
+    )
     what = (
-        f"bodies in the air turn as with moments of inertia (xx : yy : zz) of {seen}, described {described} "
+        f"bodies in the air turn as with moments of inertia ({names}) of {seen}, described {described} "
         f"(by {found.flights} flights)"
     )
     matrix = found.matrix * np.trace(body.inertia) / 3.0

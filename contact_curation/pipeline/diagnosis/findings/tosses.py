@@ -34,6 +34,12 @@ DEEP = ("lowest corner of the toss", "depth in the board")
 SOFT = "bodies at rest lie on the board, so impacts press them into it: a firmer board? ContactNets' model has rigid contacts"
 """Hint for `DEEP` ones where height and size are right."""
 
+PAUSE = 0.5
+"""[s] A longer gap is no loss of frames in mid-toss."""
+
+PAUSED = "the recording pauses before the body rests flat on a described face"
+"""Hint for gaps so long."""
+
 MOST_PERIODS = 3
 """Of a gap that a setting may accept: two frames lost at once."""
 
@@ -59,6 +65,8 @@ def rejected(evidence: Evidence) -> Finding | None:
     if not evidence.mostly_rejected:
         return Finding(Severity.FACT, what)
     hint = SOFT if first in DEEP and evidence.rests_on_board else HINTS.get(first, "")
+    if first == "gap" and float(np.median(_found(reasons[first]) or 0.0)) > PAUSE:
+        hint = PAUSED
     setting = _wider_gap(reasons[first], evidence.config.inputs.segmenter.largest_gap) if first == "gap" else ""
     if not setting:
         return Finding(Severity.FAULT, what, hint)
@@ -126,7 +134,7 @@ def few(evidence: Evidence) -> Finding | None:
     if not all(one.whole for one in evidence.recordings):
         return None
     what = f"only {counted_tosses(len(evidence.tosses))}"
-    return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer identify neither vertices nor friction")
+    return Finding(Severity.WARNING, what, f"record {FEW} or more: fewer leave vertices or friction open")
 
 
 def _wider_gap(lines: list[str], largest: float) -> str:
@@ -141,12 +149,17 @@ def _wider_gap(lines: list[str], largest: float) -> str:
     return f"segmenter.largest_gap={periods + 0.5}" if 0 < periods <= MOST_PERIODS else ""
 
 
+def _found(lines: list[str]) -> list[float]:
+    """The numbers that were found."""
+    return [float(match.group(1)) for line in lines if (match := NUMBERS.search(line))]
+
+
 def _sizes(lines: list[str]) -> str:
     """The median of what was found, without signs where they differ, in its unit, and the bound."""
     numbers = [match for line in lines if (match := NUMBERS.search(line))]
     if not numbers:
         return ""
-    found = np.array([float(each.group(1)) for each in numbers])
+    found = np.array(_found(lines))
     median = np.median(found if np.ptp(np.sign(found)) == 0.0 else np.abs(found))
     return f" ({median:.3g}{numbers[0].group(2)} in the median, allowed {float(numbers[0].group(3)):.3g})"
 
