@@ -121,6 +121,13 @@ class SuddenSwing:
         return before, slowing_down(candidate.joints, candidate.speeds, STEP, self.ramp)
 
 
+def within_margin(ramp: RampConfig, arm: ThrowingArm) -> RampConfig:
+    """The ramp, with accelerations that the arm's margin leaves."""
+    most = arm.margin * float(arm.limits.acceleration.min())
+    fast, slow = min(ramp.acceleration, most), min(ramp.moving_acceleration, most)
+    return replace(ramp, acceleration=fast, moving_acceleration=slow)
+
+
 class ArmPlanner:
     """Plans throws of one body by any arm; made once, for its table of postures takes a while.
 
@@ -263,12 +270,16 @@ class ArmPlanner:
         use = limits.speed_use(path.positions, path.speeds) / self.arm.margin
         row, joint = np.unravel_index(int(use.argmax()), use.shape)
         if use[row, joint] > 1.0:
+            half = 0.5 * float(limits.highest[joint] - limits.lowest[joint])
+            away = abs(float(path.positions[row, joint] - limits.lowest[joint]) - half)
+            if away > half:
+                return Refused(f"range of joint {joint + 1} on the way", away, half, "rad from its middle")
             found = abs(float(path.speeds[row, joint]))
             return Refused(f"speed of joint {joint + 1} on the way", found, found / float(use[row, joint]), "rad/s")
-        hardest = np.abs(path.accelerations).max(axis=0)
-        worst = int((hardest / limits.acceleration).argmax())
-        if hardest[worst] > limits.acceleration[worst]:
-            found, allowed = float(hardest[worst]), float(limits.acceleration[worst])
+        hardest, most = np.abs(path.accelerations).max(axis=0), self.arm.margin * limits.acceleration
+        worst = int((hardest / most).argmax())
+        found, allowed = float(hardest[worst]), float(most[worst])
+        if found > allowed + 1e-9:
             return Refused(f"acceleration of joint {worst + 1}", found, allowed, "rad/s^2")
         return None
 
@@ -333,8 +344,8 @@ class ThrowPlanner:
     _planner: ArmPlanner = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        swing = SuddenSwing(self.ramp)
-        self._planner = ArmPlanner(self.body, self.config, swing, self.ramp, self.search, self.departure)
+        ramp = within_margin(self.ramp, self.config)
+        self._planner = ArmPlanner(self.body, self.config, SuddenSwing(ramp), ramp, self.search, self.departure)
 
     @property
     def grasps(self) -> Grasps:
