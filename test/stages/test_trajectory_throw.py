@@ -123,6 +123,10 @@ def aborting(cell: Cell) -> None:
     cell.aborts = "path tolerance violated"
 
 
+def set_back(cell: Cell) -> None:
+    cell.now -= 50.0
+
+
 def stopped_by_hand(cell: Cell) -> None:
     cell.gate.stop("the stop service was called")
 
@@ -155,6 +159,7 @@ STOPS: dict[Callable[[Cell], None], str] = {
     astray: "joint 2: found it 0.100 rad from its path",
     aborting: "the controller gave up: path tolerance violated",
     stopped_by_hand: "the stop service was called",
+    set_back: "the clock was set back by at least 49.",
 }
 
 
@@ -383,6 +388,10 @@ def test_signals_count_again_as_soon_as_they_come_after_the_clock_was_set_back()
     for _ in range(2):
         cell.tick()
     assert not cell.stage.signals.missing()
+    assert cell.throw().success
+    cell.now -= 1000.0
+    for _ in range(2):
+        cell.tick()
     assert cell.throw().success
 
 

@@ -267,13 +267,15 @@ class ArmPlanner:
     def _within(self, path: JointPath) -> Refused | None:
         """Checks that a path keeps positions, speeds and accelerations within the limits."""
         limits = self.arm.limits
+        half = 0.5 * (limits.highest - limits.lowest)
+        away = np.abs(path.positions - limits.lowest - half).max(axis=0)
+        out = int((away - half).argmax())
+        if away[out] > half[out]:
+            limit = f"range of joint {out + 1} on the way"
+            return Refused(limit, float(away[out]), float(half[out]), "rad from its middle")
         use = limits.speed_use(path.positions, path.speeds) / self.arm.margin
         row, joint = np.unravel_index(int(use.argmax()), use.shape)
         if use[row, joint] > 1.0:
-            half = 0.5 * float(limits.highest[joint] - limits.lowest[joint])
-            away = abs(float(path.positions[row, joint] - limits.lowest[joint]) - half)
-            if away > half:
-                return Refused(f"range of joint {joint + 1} on the way", away, half, "rad from its middle")
             found = abs(float(path.speeds[row, joint]))
             return Refused(f"speed of joint {joint + 1} on the way", found, found / float(use[row, joint]), "rad/s")
         hardest, most = np.abs(path.accelerations).max(axis=0), self.arm.margin * limits.acceleration
