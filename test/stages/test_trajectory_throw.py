@@ -95,6 +95,12 @@ def test_gains_that_cannot_be_are_refused(gains: tuple[float, ...], weights: tup
         JointGains(gains, weights)
 
 
+@pytest.mark.parametrize("lag", [-0.1, float("nan"), float("inf")])
+def test_a_lag_that_cannot_be_is_refused(lag: float) -> None:
+    with pytest.raises(InvalidValueError, match="lag of an arm"):
+        GripperRecord(lag=lag)
+
+
 def test_a_correction_that_would_pass_a_limit_is_not_made() -> None:
     short = replace(LEARNED, joints=JointGains((0.96,) * JOINTS, (1e3,) * JOINTS))
     fastest = np.abs(first_sent(Cell(record=LEARNED)).speeds).max()

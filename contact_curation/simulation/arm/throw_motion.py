@@ -266,23 +266,22 @@ class ArmPlanner:
 
     def _within(self, path: JointPath) -> Refused | None:
         """Checks that a path keeps positions, speeds and accelerations within the limits."""
-        limits = self.arm.limits
+        limits, margin = self.arm.limits, self.arm.margin
         half = 0.5 * (limits.highest - limits.lowest)
-        away = np.abs(path.positions - limits.lowest - half).max(axis=0)
-        out = int((away - half).argmax())
-        if away[out] > half[out]:
-            limit = f"range of joint {out + 1} on the way"
-            return Refused(limit, float(away[out]), float(half[out]), "rad from its middle")
-        use = limits.speed_use(path.positions, path.speeds) / self.arm.margin
+        for name, values, most, unit in (
+            ("speed of joint {} on the way", path.speeds, margin * limits.speed, "rad/s"),
+            ("range of joint {} on the way", path.positions - limits.lowest - half, half, "rad from its middle"),
+            ("acceleration of joint {}", path.accelerations, margin * limits.acceleration, "rad/s^2"),
+        ):
+            largest = np.abs(values).max(axis=0)
+            worst = int((largest / most).argmax())
+            if largest[worst] > most[worst] + 1e-9:
+                return Refused(name.format(worst + 1), float(largest[worst]), float(most[worst]), unit)
+        use = limits.speed_use(path.positions, path.speeds) / margin  # near an end of a range less is allowed
         row, joint = np.unravel_index(int(use.argmax()), use.shape)
         if use[row, joint] > 1.0:
             found = abs(float(path.speeds[row, joint]))
             return Refused(f"speed of joint {joint + 1} on the way", found, found / float(use[row, joint]), "rad/s")
-        hardest, most = np.abs(path.accelerations).max(axis=0), self.arm.margin * limits.acceleration
-        worst = int((hardest / most).argmax())
-        found, allowed = float(hardest[worst]), float(most[worst])
-        if found > allowed + 1e-9:
-            return Refused(f"acceleration of joint {worst + 1}", found, allowed, "rad/s^2")
         return None
 
     def _clear(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
