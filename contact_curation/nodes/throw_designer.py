@@ -77,7 +77,7 @@ class ThrowDesigner(StageNode):
         self._loop = ThrowLoop(self._stage, loop, self._now)
         self._to_send: Any = None
         self._last: Proposal | None = None
-        self._lost, self._toss_timeout = "", loop.toss_timeout
+        self._no_throw, self._lost, self._toss_timeout = "", "", loop.toss_timeout
         self._reports = ThrowReports(self, self._board_frame)
         self._reports.tell(self._stage.reports)
         self._goals = ThrowGoals(self, self._told, loop.goal_timeout)
@@ -132,8 +132,10 @@ class ThrowDesigner(StageNode):
         try:
             self._last = self._loop.next()
         except ContactCurationError as error:
-            self._warnings.note("no throw", str(error))
+            self._no_throw = str(error)
+            self._warnings.note("no throw", self._no_throw)
             return
+        self._no_throw = ""
         self._reports.tell([self._stage.begin(self._last)])
         now_ns = self.get_clock().now().nanoseconds
         self._to_send = throw_message(self._last.throw, Stamped(now_ns, self._board_frame))
@@ -256,7 +258,8 @@ class ThrowDesigner(StageNode):
 
     def _health(self) -> Health:
         made, last = self._stage.throws, self._last
-        missing = self._missing if self.get_parameter("auto").value else ""
+        auto = self.get_parameter("auto").value
+        missing = self._missing if auto else ""
         values = {
             "throws": len(made),
             "under_way": self._goals.busy,
@@ -269,6 +272,8 @@ class ThrowDesigner(StageNode):
         }
         if missing:
             return Health(f"{len(made)} throws made, waiting for {missing}", values, warning=True, waiting_for=missing)
+        if auto and self._no_throw:
+            return Health(f"{len(made)} throws made, the next one cannot be planned: {self._no_throw}", values, warning=True)
         if last is None:
             return Health(f"{len(made)} throws made", values)
         how = (

@@ -9,6 +9,7 @@ from action_msgs.msg import GoalStatus
 from contact_curation_msgs.action import ExecuteThrow
 from contact_curation_msgs.msg import ModelParameters, Throw, ThrowReport, TossRejected
 from contact_curation_msgs.srv import ProposeThrow
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.task import Future
@@ -207,6 +208,20 @@ def test_why_a_throw_was_not_made_is_one_line(
     answer.set_result(Mock(accepted=True, get_result_async=Mock(return_value=ended)))
     ended.set_result(Mock(status=status, result=ExecuteThrow.Result(success=success, message=message)))
     assert outcomes == [throw_goals.Outcome(None, why)]
+
+
+def test_a_designer_that_can_plan_no_throw_says_so_at_level_warn(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    heard = graph.diagnostics()
+    started(graph, auto=True, **{**trusted(graph), "safety.largest_speed": 0.01})
+
+    def warned() -> bool:
+        statuses = [status for array in list(heard) for status in array.status]
+        wanted = "0 throws made, the next one cannot be planned: safe releases: found 0 of "
+        return any(one.level == DiagnosticStatus.WARN and one.message.startswith(wanted) for one in statuses)
+
+    graph.until(warned, LONG, "a warning")
+    assert not thrower.commands
 
 
 def test_a_throw_whose_toss_does_not_come_is_told_and_followed_by_the_next(graph: Graph) -> None:
