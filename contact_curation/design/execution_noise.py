@@ -60,6 +60,12 @@ class NoiseConfig:
 
 DEFAULT_NOISE = NoiseConfig()
 
+FARTHEST = 100.0
+"""An executed throw whose error is larger than so many of the default units is none: it is in millimetres or degrees, say."""
+
+PARTS = (("position", "m"), ("orientation", "rad"), ("velocity", "m/s"), ("spin", "rad/s"))
+"""What three errors each are about, and in which unit."""
+
 
 @dataclass(frozen=True, eq=False)
 class ExecutionNoise:
@@ -144,6 +150,22 @@ def errors_of(commanded: Array, executed: Array) -> Array:
         _spins(executed) - _spins(commanded),
     )
     return np.column_stack([quaternions.rotate(back, part) for part in parts])
+
+
+def check_executed(commanded: Array, executed: Array) -> None:
+    """Checks that an executed release (13,) may have become of a commanded one (13,); one that cannot would count for ever.
+
+    Raises:
+        InvalidValueError: it is too far from the command.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # so large a number is refused
+        errors = np.linalg.norm(errors_of(commanded[None], executed[None]).reshape(4, 3), axis=1)
+    allowed = FARTHEST * DEFAULT_NOISE.units(commanded[None])[0, ::3]
+    worst = int(np.nan_to_num(errors / allowed, nan=np.inf).argmax())
+    if not errors[worst] <= allowed[worst]:
+        name, unit = PARTS[worst]
+        expected = f"at most {allowed[worst]:.3g}; report it in m, m/s and rad/s, in the frames of the command"
+        raise InvalidValueError(f"executed {name}", f"{errors[worst]:.3g} {unit} from the commanded one", expected)
 
 
 def with_errors(commanded: Array, errors: Array) -> Array:

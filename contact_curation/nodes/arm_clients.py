@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Bool
@@ -18,6 +19,10 @@ GRIPPERS = ("action", "service", "topic")
 
 LAST_WORD = 1.0
 """Longest time that a node which ends waits for the controller to take the stop [s]."""
+
+
+ENDINGS = {GoalStatus.STATUS_CANCELED: "its goal was cancelled", GoalStatus.STATUS_ABORTED: "it aborted its goal"}
+"""Of goals that were not followed to their end."""
 
 
 class ControllerClient:
@@ -80,17 +85,20 @@ class ControllerClient:
     def _answered(self, number: int, handle: Any) -> None:
         if handle.accepted:
             self._taken = handle
-            handle.get_result_async().add_done_callback(lambda done: self._ended(number, done.result().result))
+            handle.get_result_async().add_done_callback(lambda done: self._ended(number, done.result()))
         elif number == self._number:
             if self._taken is not None:  # a stop that is rejected: the controller shall hold the arm where it is
                 self._taken.cancel_goal_async()
             self._stage.controller_ended("it rejected the trajectory")
 
-    def _ended(self, number: int, result: Any) -> None:
+    def _ended(self, number: int, answer: Any) -> None:
         if number == self._number:
-            self._taken = None
-            fine = result.error_code == self._type.Result.SUCCESSFUL
-            self._stage.controller_ended("" if fine else result.error_string or f"error {result.error_code}")
+            self._taken, result = None, answer.result
+            if answer.status == GoalStatus.STATUS_SUCCEEDED and result.error_code == self._type.Result.SUCCESSFUL:
+                self._stage.controller_ended("")
+            else:  # controllers cancel and abort goals without a code, too, which is that of success
+                why = f"error {result.error_code}" if result.error_code else ENDINGS.get(answer.status, "no success")
+                self._stage.controller_ended(result.error_string or why)
 
 
 class Gripper(NamedTuple):

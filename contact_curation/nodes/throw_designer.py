@@ -78,6 +78,7 @@ class ThrowDesigner(StageNode):
         self._loop = ThrowLoop(self._stage, loop, self._now)
         self._to_send: Any = None
         self._last: Proposal | None = None
+        self._no_throw, self._lost, self._toss_timeout = "", "", loop.toss_timeout
         self._reports = ThrowReports(self, self._board_frame)
         self._reports.tell(self._stage.reports)
         self._goals = ThrowGoals(self, self._told, loop.goal_timeout)
@@ -121,11 +122,21 @@ class ThrowDesigner(StageNode):
 
     def _throw_next(self) -> None:
         """Plans the next throw; on the worker's thread."""
+        lost = self._stage.throws[-1].commanded.throw_id if self._stage.awaits_toss else ""
+        if lost not in ("", self._lost):
+            self._warnings.note(
+                "no toss",
+                f"{lost}: found no toss or rejected motion after its release, expected one within "
+                f"{self._toss_timeout:g} s; is the body tracked, and is the release stamped by the tracker's clock?",
+            )
+        self._lost = lost
         try:
             self._last = self._loop.next()
         except ContactCurationError as error:
-            self._warnings.note("no throw", str(error))
+            self._no_throw = str(error)
+            self._warnings.note("no throw", self._no_throw)
             return
+        self._no_throw = ""
         self._reports.tell([self._stage.begin(self._last)])
         now_ns = self.get_clock().now().nanoseconds
         self._to_send = throw_message(self._last.throw, Stamped(now_ns, self._board_frame))
@@ -135,14 +146,15 @@ class ThrowDesigner(StageNode):
 
     def _finish(self, outcome: Outcome) -> None:
         """Stores the outcome of a throw, after which the next one may begin; on the worker's thread."""
-        try:
-            if outcome.executed is None:
-                raise InvalidValueError("throw", outcome.message or "no reason", "one that was made")
-            reports = self._loop.finish(*executed_throw_of(outcome.executed, self._board_frame))
-        except InvalidValueError as error:
-            self._warnings.note("throw not made", str(error))
-            reports = self._loop.abandon(outcome.message if outcome.executed is None else str(error))
-        self._reports.tell(reports)
+        why = outcome.message
+        if outcome.executed is not None:
+            try:
+                self._reports.tell(self._loop.finish(*executed_throw_of(outcome.executed, self._board_frame)))
+                return
+            except InvalidValueError as error:
+                why = str(error)
+        self._warnings.note("throw not made", why)
+        self._reports.tell(self._loop.abandon(why))
 
     async def _propose(self, request: Any, response: Any) -> Any:
         """Responds with a throw that the worker's thread plans; all other callbacks run meanwhile."""
@@ -244,7 +256,8 @@ class ThrowDesigner(StageNode):
 
     def _health(self) -> Health:
         made, last = self._stage.throws, self._last
-        missing = self._missing if self.get_parameter("auto").value else ""
+        auto = self.get_parameter("auto").value
+        missing = self._missing if auto else ""
         values = {
             "throws": len(made),
             "under_way": self._goals.busy,
@@ -257,6 +270,8 @@ class ThrowDesigner(StageNode):
         }
         if missing:
             return Health(f"{len(made)} throws made, waiting for {missing}", values, warning=True, waiting_for=missing)
+        if auto and self._no_throw:
+            return Health(f"{len(made)} throws made, the next one cannot be planned: {self._no_throw}", values, warning=True)
         if last is None:
             return Health(f"{len(made)} throws made", values)
         how = (

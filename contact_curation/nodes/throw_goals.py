@@ -13,6 +13,9 @@ from rclpy.task import Future
 
 from contact_curation.motion.toss import NANOSECONDS
 
+LONGEST_REASON = 400
+"""Characters of a thrower's message that are passed on."""
+
 
 class Outcome(NamedTuple):
     """The outcome of a goal: the message of the executed throw, or None and the reason."""
@@ -99,9 +102,11 @@ class ThrowGoals:
         handle.get_result_async().add_done_callback(lambda done: self._resulted(number, done))
 
     def _resulted(self, number: int, future: Future) -> None:
-        result = future.result()
-        fine = result.status == GoalStatus.STATUS_SUCCEEDED and result.result.success
-        self._end(number, Outcome(result.result.executed if fine else None, result.result.message))
+        status, result = future.result().status, future.result().result
+        if status == GoalStatus.STATUS_SUCCEEDED and result.success:
+            self._end(number, Outcome(result.executed, result.message))
+        else:
+            self._end(number, Outcome(None, _why(result)))
 
     def _end(self, number: int, outcome: Outcome) -> None:
         """Reports the outcome of a goal, once."""
@@ -110,3 +115,9 @@ class ThrowGoals:
                 return
             self._heard_ns, self._handle = None, None
         self._told(outcome)
+
+
+def _why(result: Any) -> str:
+    """Why a throw was not made, in one line, as its result has it."""
+    said = " ".join(result.message.split())[:LONGEST_REASON] or "the thrower gave no reason"
+    return f"its result says success, but its goal was not succeeded ({said})" if result.success else said

@@ -22,7 +22,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from contact_curation.design.release_delay import DelayConfig
-from contact_curation.errors import InvalidValueError
+from contact_curation.errors import InvalidValueError, UnwritableOutputError
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker
 from contact_curation.motion.release import ReleaseConfig
 from contact_curation.motion.toss import NANOSECONDS
@@ -252,7 +252,7 @@ class TrajectoryThrower(ManagedNode):
         """Sends feedback at each change of the phase and from time to time."""
         now, phase = self._now(), self._stage.phase
         shown = ExecuteThrow.Feedback.RELEASED if phase is Phase.MOVING and self._stage.released else PHASES[phase]
-        if shown != self._told[1] or now - self._told[0] >= TOLD_EVERY:
+        if shown != self._told[1] or abs(now - self._told[0]) >= TOLD_EVERY:
             self._told = now, shown
             self._server.report(shown)
 
@@ -265,8 +265,11 @@ class TrajectoryThrower(ManagedNode):
         if step.ending is None:
             return False
         if self._stage.record != self._recorded:
-            self._recorded = self._stage.record
-            write_record(self._state_path, self._recorded)
+            try:
+                write_record(self._state_path, self._stage.record)
+                self._recorded = self._stage.record
+            except UnwritableOutputError as error:  # the throw was made all the same; written after the next one
+                self._warnings.note("state not written", str(error))
         if goal is None and not step.ending.success:
             self._warnings.note("not home", step.ending.message)
         self._server.conclude(goal, step.ending)

@@ -241,7 +241,7 @@ class DesignStage:
         """The throw under way was made; its toss will end after `released_ns`.
 
         Raises:
-            InvalidValueError: it is another throw than the one that was commanded.
+            InvalidValueError: it is another throw than the one that was commanded, or too far from it.
         """
         self._log.finish(executed, released_ns)
         self._match_all()

@@ -9,6 +9,7 @@ name that a store has a record under.
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from math import inf
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
@@ -258,12 +259,19 @@ class GripperRecord:
         seen: the gripper's delays that count, oldest first.
         lag: time by which the arm passed its last release later than planned [s].
         joints: how far the arm's joints go, as shares of what they are told.
+
+    Raises:
+        InvalidValueError: the time is none that an arm can be late.
     """
 
     KEY: ClassVar = "gripper"
     seen: tuple[Seen, ...] = ()
     lag: float = 0.0
     joints: JointGains = UNKNOWN_GAINS
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.lag < inf:
+            raise InvalidValueError("lag of an arm", self.lag, "a number of seconds of at least 0")
 
 
 def kind_of_throw(exploration: str | None) -> ThrowKind:

@@ -6,6 +6,7 @@ one, is kept and known like any other.
 
 from dataclasses import replace
 
+from contact_curation.design.execution_noise import check_executed
 from contact_curation.design.throw import Throw, ThrowReport, ThrowState
 from contact_curation.errors import InvalidValueError
 from contact_curation.stages.records import Proposal, ThrowLogRecord, ThrowRecord, kind_of_throw, load_record, stored_records
@@ -69,10 +70,19 @@ class ThrowLog:
         return _unmade(proposal, ThrowState.NOT_MADE, reason)
 
     def finish(self, executed: Throw, released_ns: int) -> None:
-        """The throw under way was made."""
+        """The throw under way was made.
+
+        Raises:
+            InvalidValueError: it is another one, or cannot have become of it.
+        """
         proposal = self._record.under_way
-        if self._busy and proposal is not None and executed.throw_id != proposal.throw.throw_id:
-            raise InvalidValueError("executed throw", executed.throw_id, proposal.throw.throw_id)
+        if self._busy and proposal is not None:
+            commanded = proposal.throw
+            if executed.throw_id != commanded.throw_id:
+                raise InvalidValueError("executed throw", executed.throw_id, commanded.throw_id)
+            if executed.body != commanded.body:
+                raise InvalidValueError(f"body of executed throw {executed.throw_id}", executed.body, commanded.body)
+            check_executed(commanded.release, executed.release)
         throw, exploration = self._ended()
         made = ThrowRecord(throw, executed, max(self._after_ns, released_ns), released_ns, exploration)
         self._save(replace(self._record, under_way=None, made=(*self.made, made)))

@@ -82,7 +82,7 @@ class ThrowLoop:
         """The throw was made; gives what is known of all.
 
         Raises:
-            InvalidValueError: it is another throw than the one that was commanded, which is to be abandoned.
+            InvalidValueError: it cannot be the throw that was commanded, which is to be abandoned.
         """
         self._stage.finish(executed, released_ns)
         self._toss_until = self._now() + self._config.toss_timeout

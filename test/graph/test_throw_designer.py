@@ -5,8 +5,11 @@ from typing import Any
 from unittest.mock import Mock
 
 import pytest
+from action_msgs.msg import GoalStatus
+from contact_curation_msgs.action import ExecuteThrow
 from contact_curation_msgs.msg import ModelParameters, Throw, ThrowReport, TossRejected
 from contact_curation_msgs.srv import ProposeThrow
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.task import Future
@@ -183,6 +186,51 @@ def test_a_goal_that_is_taken_when_it_was_given_up_is_cancelled(graph: Graph, mo
     assert [one.message for one in outcomes] == ["no feedback or result for 0.01 s"]
     handle.cancel_goal_async.assert_called_once_with()
     assert not goals.busy
+
+
+@pytest.mark.parametrize(
+    ("status", "success", "message", "why"),
+    [
+        (GoalStatus.STATUS_ABORTED, False, "", "the thrower gave no reason"),
+        (GoalStatus.STATUS_ABORTED, False, "too\n cold", "too cold"),
+        (GoalStatus.STATUS_ABORTED, True, "done", "its result says success, but its goal was not succeeded (done)"),
+        (GoalStatus.STATUS_SUCCEEDED, False, "9" * 9999, "9" * throw_goals.LONGEST_REASON),
+    ],
+)
+def test_why_a_throw_was_not_made_is_one_line(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch, status: int, success: bool, message: str, why: str
+) -> None:
+    outcomes: list[throw_goals.Outcome] = []
+    answer, ended = Future(), Future()
+    monkeypatch.setattr(throw_goals, "ActionClient", Mock(return_value=Mock(send_goal_async=Mock(return_value=answer))))
+    goals = throw_goals.ThrowGoals(graph.listener.node, outcomes.append, patience=LONG)
+    goals.send(Throw())
+    answer.set_result(Mock(accepted=True, get_result_async=Mock(return_value=ended)))
+    ended.set_result(Mock(status=status, result=ExecuteThrow.Result(success=success, message=message)))
+    assert outcomes == [throw_goals.Outcome(None, why)]
+
+
+def test_a_designer_that_can_plan_no_throw_says_so_at_level_warn(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    heard = graph.diagnostics()
+    started(graph, auto=True, **{**trusted(graph), "safety.largest_speed": 0.01})
+
+    def warned() -> bool:
+        statuses = [status for array in list(heard) for status in array.status]
+        wanted = "0 throws made, the next one cannot be planned: safe releases: found 0 of "
+        return any(one.level == DiagnosticStatus.WARN and one.message.startswith(wanted) for one in statuses)
+
+    graph.until(warned, LONG, "a warning")
+    assert not thrower.commands
+
+
+def test_a_throw_whose_toss_does_not_come_is_told_and_followed_by_the_next(graph: Graph) -> None:
+    thrower = Thrower(graph.listener)
+    thrower.silent.set()
+    designer = started(graph, auto=True, max_throws=2, toss_timeout=0.5, **trusted(graph))
+    graph.until(lambda: len(made(graph.folder)) == 2, LONG, "two throws")
+    line = "no toss: cube-throw-0: found no toss or rejected motion after its release, expected one within 0.5 s"
+    assert designer.log().count(line) == 1
 
 
 @pytest.mark.slow

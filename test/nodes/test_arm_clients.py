@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import rclpy
+from action_msgs.srv import CancelGoal
 from control_msgs.action import FollowJointTrajectory, GripperCommand
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.executors import SingleThreadedExecutor
@@ -151,6 +152,15 @@ class Follower:
 
         handle.execute(ended)
 
+    def give_up(self, handle: Any, *, cancelled: bool) -> None:
+        """Ends a goal without a word, as some controllers do."""
+
+        def ended(one: Any) -> Any:
+            one.canceled() if cancelled else one.abort()
+            return FollowJointTrajectory.Result()
+
+        handle.execute(ended)
+
 
 def test_a_trajectory_arrives_whole_and_only_the_end_of_the_newest_counts(cell: Cell) -> None:
     client = ControllerClient(cell.node, "follow", JOINTS, 3_000_000_000, cell.stage)
@@ -175,6 +185,23 @@ def test_a_trajectory_arrives_whole_and_only_the_end_of_the_newest_counts(cell: 
     follower.end(follower.handles[1], FollowJointTrajectory.Result.PATH_TOLERANCE_VIOLATED, "path tolerance violated")
     cell.until(lambda: cell.ended)
     assert cell.ended == ["path tolerance violated"]
+
+
+@pytest.mark.parametrize(("cancelled", "line"), [(True, "its goal was cancelled"), (False, "it aborted its goal")])
+def test_a_goal_that_the_controller_gives_up_without_a_code_was_not_followed(cell: Cell, cancelled: bool, line: str) -> None:
+    client, follower = ControllerClient(cell.node, "follow", JOINTS, 0, cell.stage), Follower(cell)
+    cell.until(lambda: not client.missing())
+    client.send(sent(1.0))
+    cell.until(lambda: follower.handles)
+    if cancelled:  # by whom is not known
+        anybody = cell.node.create_client(CancelGoal, "follow/_action/cancel_goal")
+        cell.until(anybody.service_is_ready)
+        anybody.call_async(CancelGoal.Request())
+        cell.until(lambda: follower.cancelled)
+        cell.until(lambda: follower.handles[0].is_cancel_requested)
+    follower.give_up(follower.handles[0], cancelled=cancelled)
+    cell.until(lambda: cell.ended)
+    assert cell.ended == [line]
 
 
 def test_the_arm_is_held_where_it_is_if_a_stop_is_rejected(cell: Cell) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import rclpy
@@ -14,6 +15,9 @@ from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.sim_arm import SimArm
 from contact_curation.nodes.trajectory_thrower import TrajectoryThrower
 from contact_curation.session.free_domain import free_domain
+from contact_curation.stages.arm import Ending
+from contact_curation.stages.records import GripperRecord, read_record
+from contact_curation.stages.trajectory_throw import Step
 from test.simulation.throws import PLAIN
 
 pytestmark = pytest.mark.slow
@@ -74,6 +78,21 @@ def test_the_way_home_is_refused_and_what_is_missing_says_that_the_node_is_not_a
         assert not home.success
         assert home.message == node.inactive
         assert missing.message.startswith(node.inactive)
+
+
+def test_a_throw_ends_though_what_was_learned_cannot_be_written_and_that_is_written_after_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with arm(TrajectoryThrower) as node:
+        (tmp_path / "gripper.json").mkdir()
+        goal = Mock()
+        assert node._done(goal, Step(ending=Ending(True, "thrown")))
+        goal.execute.assert_called_once()
+        assert node._warnings.counts == {"state not written": 1}
+        (tmp_path / "gripper.json").rmdir()
+        assert node._done(goal, Step(ending=Ending(True, "thrown")))
+        assert read_record(tmp_path / "gripper.json", GripperRecord) == node._stage.record
 
 
 def test_an_arm_that_arms_itself_does_so_at_its_first_activation_and_not_after_it_was_deactivated() -> None:

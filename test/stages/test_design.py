@@ -1,9 +1,10 @@
 """The designer without its node: when it trusts theta, which toss belongs to which throw, and what a restart finds."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -237,6 +238,27 @@ def test_another_throw_than_the_commanded_one_is_refused(states: StateStore) -> 
     with pytest.raises(InvalidValueError, match="executed throw: found other, expected cube-throw-0"):
         stage.finish(replace(proposal.throw, throw_id="other"), SECOND)
     assert stage.abandon("it made another").state is ThrowState.NOT_MADE
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (lambda throw: {"position": 1e3 * throw.position}, "executed position"),
+        (lambda throw: {"linear_velocity": np.array([1e308, -1e308, 1e308])}, "executed velocity"),
+        (lambda throw: {"angular_velocity": throw.angular_velocity + np.array([0.0, 0.0, 90.0])}, "executed spin: found 90"),
+        (lambda throw: {"body": "brick"}, "body of executed throw cube-throw-0: found brick, expected cube"),
+    ],
+)  # fmt: skip
+def test_what_cannot_have_become_of_a_throw_is_refused_and_teaches_nothing_about_the_thrower(
+    change: Callable[[Throw], dict[str, Any]], line: str, states: StateStore
+) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    proposal = stage.propose()
+    stage.begin(proposal)
+    with pytest.raises(InvalidValueError, match=line):
+        stage.finish(replace(proposal.throw, **change(proposal.throw)), SECOND)
+    assert stage.abandon("no such throw").state is ThrowState.NOT_MADE
+    assert stage.propose().exploration is None
 
 
 def test_a_designed_throw_has_a_gain_though_its_toss_is_scored_at_a_newer_theta_only(states: StateStore) -> None:

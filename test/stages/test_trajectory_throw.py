@@ -95,6 +95,12 @@ def test_gains_that_cannot_be_are_refused(gains: tuple[float, ...], weights: tup
         JointGains(gains, weights)
 
 
+@pytest.mark.parametrize("lag", [-0.1, float("nan"), float("inf")])
+def test_a_lag_that_cannot_be_is_refused(lag: float) -> None:
+    with pytest.raises(InvalidValueError, match="lag of an arm"):
+        GripperRecord(lag=lag)
+
+
 def test_a_correction_that_would_pass_a_limit_is_not_made() -> None:
     short = replace(LEARNED, joints=JointGains((0.96,) * JOINTS, (1e3,) * JOINTS))
     fastest = np.abs(first_sent(Cell(record=LEARNED)).speeds).max()
@@ -121,6 +127,10 @@ def astray(cell: Cell) -> None:
 
 def aborting(cell: Cell) -> None:
     cell.aborts = "path tolerance violated"
+
+
+def set_back(cell: Cell) -> None:
+    cell.now -= 50.0
 
 
 def stopped_by_hand(cell: Cell) -> None:
@@ -155,6 +165,7 @@ STOPS: dict[Callable[[Cell], None], str] = {
     astray: "joint 2: found it 0.100 rad from its path",
     aborting: "the controller gave up: path tolerance violated",
     stopped_by_hand: "the stop service was called",
+    set_back: "the clock was set back by at least 49.",
 }
 
 
@@ -383,6 +394,10 @@ def test_signals_count_again_as_soon_as_they_come_after_the_clock_was_set_back()
     for _ in range(2):
         cell.tick()
     assert not cell.stage.signals.missing()
+    assert cell.throw().success
+    cell.now -= 1000.0
+    for _ in range(2):
+        cell.tick()
     assert cell.throw().success
 
 

@@ -73,6 +73,8 @@ class OneLineParser(argparse.ArgumentParser):
         options = [name for action in self._actions for name in action.option_strings if name.startswith("--")]
         name = next((word.partition("=")[0] for word in words if word.startswith("-")), "")
         if not name:
+            if "--set" in options and "=" in words[0]:
+                return f"found {words[0]} without an option, expected --set {words[0]}: each setting has a --set of its own"
             return f"found {' '.join(words)} after the last input, expected options before it or nothing"
         near = [RENAMED[name]] if RENAMED.get(name) in options else get_close_matches(name, options, 1)
         return f"unknown option {name}" + (f": did you mean {near[0]}?" if near else f": {self.prog} --help lists its options")

@@ -42,34 +42,38 @@ def with_settings(stages: Mapping[str, Any], settings: Sequence[str]) -> dict[st
     Raises:
         InvalidValueError: a setting names no field, or its value is invalid.
     """
-    changed = dict(stages)
+    values: dict[str, dict[str, Any]] = {}
+    said: dict[str, list[str]] = {}
     for setting in settings:
         path, equals, text = setting.partition("=")
         stage, _, name = path.partition(".")
         if not equals or not name:
-            raise InvalidValueError("--set", setting, f"STAGE.FIELD=VALUE with a stage of {', '.join(changed)}")
-        if stage not in changed:
-            raise UnknownNameError("stage in --set", stage, changed)
+            raise InvalidValueError("--set", setting, f"STAGE.FIELD=VALUE with a stage of {', '.join(stages)}")
+        if stage not in stages:
+            raise UnknownNameError("stage in --set", stage, stages)
         if name == OF_THE_BODY:
             raise InvalidValueError("--set", setting, f"no {OF_THE_BODY} here: it is the body's, in the file of --body")
-        changed[stage] = _changed(changed[stage], stage, name, text)
+        values.setdefault(stage, {})[name] = _value(stages[stage], stage, name, text)
+        said.setdefault(stage, []).append(f"--set {setting}")
+    changed = dict(stages)
+    for stage, own in values.items():
+        try:
+            changed[stage] = with_fields(stages[stage], own)  # all at once: a bound may need another one to be changed, too
+        except InvalidValueError as error:
+            raise ContactCurationError(f"{' '.join(said[stage])}: {error}") from error
     return changed
 
 
-def _changed(config: Any, stage: str, name: str, text: str) -> Any:
-    """A copy of a stage's config with the field at a path set to the value of `text`."""
+def _value(config: Any, stage: str, name: str, text: str) -> Any:
+    """The value of `text` for the field at a path of a stage's config."""
     fields = {field.path: field for field in fields_of(config)}
     if name not in fields:
         raise UnknownNameError("field in --set", f"{stage}.{name}", [f"{stage}.{path}" for path in fields])
     kind, setting = fields[name].kind, f"{stage}.{name}={text}"
     try:
-        value = parsed(kind, text)
+        return parsed(kind, text)
     except (ValueError, KeyError, TypeError) as error:
         raise InvalidValueError("--set", setting, f"a value of type {kind_in_words(kind)}") from error
-    try:
-        return with_field(config, name, value)
-    except InvalidValueError as error:
-        raise ContactCurationError(f"--set {setting}: {error}") from error
 
 
 def add_fields(

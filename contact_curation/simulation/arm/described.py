@@ -17,7 +17,9 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.body_values import STANDARD_GRAVITY
 from contact_curation.errors import InvalidValueError, UnknownNameError, UnreadableInputError
 from contact_curation.files import read_yaml
+from contact_curation.geometry.numbers import number, numbers
 from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.solids.xml_file import referenced
 from contact_curation.simulation.arm.kinematics import Postures, about_z
 from contact_curation.simulation.arm.limits import JointLimits
 from contact_curation.simulation.arm.model import ARM_BIT, BOARD_BIT, BODY_BIT, LOWER_BIT, PAD, PREFIX, add_table, hold
@@ -28,6 +30,12 @@ NO_LIMIT = 1e9
 
 LARGEST_FILE = 1 << 16
 """[bytes]"""
+
+POSITIVE, AT_LEAST_0 = ("table_half_width",), ("gripper_length", "gripper_radius", "gripper_mass", "clearance")
+"""Fields with one number."""
+
+SMALLEST = 1e-6
+"""Half size of a shape [m]: MuJoCo accepts no smaller ones."""
 
 WRIST = 3
 """So many last joints move the wrist; of the links before it the second half may be hit by the body."""
@@ -53,7 +61,7 @@ class DescribedArmConfig:
         obstacles: boxes that nothing may touch, such as a stand; six numbers each, centre and half sizes [m].
         table_half_width: half the width of the table under the board, in x and y [m].
         clearance: planned distance between moving parts and the table or the arm [m].
-        margin: share of each limit that plans use.
+        margin: share of the limits of speed, acceleration and torque that plans use.
     """
 
     description: str = ""
@@ -74,6 +82,10 @@ class DescribedArmConfig:
     margin: float = 0.95
 
     def __post_init__(self) -> None:
+        for name in ("base", "home", "speed", "acceleration", "torque", "obstacles"):
+            object.__setattr__(self, name, tuple(numbers(f"arm.{name}", getattr(self, name)).ravel().tolist()))
+        for name in ("yaw", *POSITIVE, *AT_LEAST_0, "margin"):
+            object.__setattr__(self, name, number(f"arm.{name}", getattr(self, name)))
         count = len(self.joints)
         if not self.description:
             raise InvalidValueError("arm.description", "nothing", "the path of a URDF or MJCF file")
@@ -86,11 +98,17 @@ class DescribedArmConfig:
         for name in ("speed", "acceleration", "torque"):
             if any(value <= 0.0 for value in getattr(self, name)):
                 raise InvalidValueError(f"arm.{name}", getattr(self, name), "positive numbers")
-        for name in ("gripper_length", "gripper_radius", "gripper_mass", "table_half_width", "clearance"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InvalidValueError(f"arm.{name}", getattr(self, name), "0 or more")
+        for names, least, expected in ((POSITIVE, SMALLEST, "a positive number"), (AT_LEAST_0, 0.0, "0 or more")):
+            for name in names:
+                if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= least):
+                    raise InvalidValueError(f"arm.{name}", getattr(self, name), expected)
         if len(self.obstacles) % 6 or not np.isfinite(self.obstacles).all():
             raise InvalidValueError("arm.obstacles", f"{len(self.obstacles)} numbers", "six finite ones for each box")
+        halves = np.reshape(self.obstacles, (-1, 6))[:, 3:]
+        if (halves < SMALLEST).any():
+            raise InvalidValueError(
+                "arm.obstacles", f"a half size of {halves.min():g} m", "three positive half sizes for each box"
+            )
         if np.shape(self.base) != (3,) or not np.isfinite([*self.base, self.yaw]).all():
             raise InvalidValueError("arm.base, arm.yaw", (self.base, self.yaw), "a position and an angle, finite")
         if not 0.0 < self.margin <= 1.0:
@@ -101,7 +119,7 @@ def read_arm(path: Path) -> DescribedArmConfig:
     """Reads a YAML file with the fields of `DescribedArmConfig`; a relative `description` is looked for beside it.
 
     Raises:
-        UnreadableInputError: the file cannot be read, or a value has another type.
+        UnreadableInputError: the file cannot be read, or a name is no text.
         UnknownNameError: a key is none of the fields.
         InvalidValueError: a value is missing or not accepted.
     """
@@ -119,10 +137,7 @@ def read_arm(path: Path) -> DescribedArmConfig:
         raise UnreadableInputError(path, "a description, flange or joint that is no text, expected names and a path")
     if values.get("description"):
         values["description"] = str(path.parent / values["description"])
-    try:
-        return DescribedArmConfig(**values)
-    except TypeError as error:
-        raise UnreadableInputError(path, f"a value of another type ({error})") from error
+    return DescribedArmConfig(**values)
 
 
 class DescribedArm:
@@ -145,7 +160,10 @@ class DescribedArm:
         self.limits = _limits(config, self._spec())
         if not ((self.limits.lowest <= self.home_posture) & (self.home_posture <= self.limits.highest)).all():
             raise InvalidValueError("arm.home", config.home, "positions within the joints' ranges [rad]")
-        self._model = self.planning_model(None)
+        try:
+            self._model = self.planning_model(None)
+        except ValueError as error:
+            raise _unusable(Path(config.description), error) from error
         self._data = mujoco.MjData(self._model)
         mujoco.mj_kinematics(self._model, self._data)
         upright = float(self._data.xaxis[self._model.joint(self.joint_names[0]).id][2])
@@ -173,9 +191,9 @@ class DescribedArm:
         world = mujoco.MjSpec()
         world.option.gravity = [0.0, 0.0, -(body.gravity if body else STANDARD_GRAVITY)]
         add_table(world, self.config.table_half_width, margin=self.clearance)
-        for number, box in enumerate(np.reshape(self.config.obstacles, (-1, 6))):
+        for row, box in enumerate(np.reshape(self.config.obstacles, (-1, 6))):
             world.worldbody.add_geom(
-                name=f"obstacle {number + 1}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=box[:3], size=box[3:],
+                name=f"obstacle {row + 1}", type=mujoco.mjtGeom.mjGEOM_BOX, pos=box[:3], size=box[3:],
                 contype=BOARD_BIT, conaffinity=0, margin=self.clearance,
             )  # fmt: skip
         flange = self._stand(world, meets_itself=True)
@@ -196,8 +214,10 @@ class DescribedArm:
         try:
             spec = mujoco.MjSpec.from_file(str(path))
         except (ValueError, OSError) as error:
-            why = " ".join(str(error).split())[:200]
-            raise UnreadableInputError(path, f"no URDF or MJCF file that MuJoCo reads ({why})") from error
+            raise _unusable(path, error) from error
+        for mesh in spec.meshes:
+            if "://" in mesh.file:
+                mesh.file = str(referenced(path, mesh.file).absolute())
         spec.compiler.fusestatic = False
         for part in (*spec.actuators, *spec.sensors, *spec.keys, *spec.equalities, *spec.tendons, *spec.excludes, *spec.pairs):
             spec.delete(part)
@@ -238,6 +258,11 @@ class DescribedArm:
         flange = world.body(self.last_link)
         flange.add_site(name=PAD, pos=[0.0, 0.0, config.gripper_length])
         return flange
+
+
+def _unusable(path: Path, error: Exception) -> UnreadableInputError:
+    """That MuJoCo cannot read a description, or a mesh that it names."""
+    return UnreadableInputError(path, f"no URDF or MJCF file that MuJoCo reads ({' '.join(str(error).split())[:200]})")
 
 
 def _joints_before(spec: mujoco.MjSpec) -> dict[str, int]:

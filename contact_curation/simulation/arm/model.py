@@ -129,7 +129,7 @@ class ArmConfig:
         home: joint angles between throws [rad].
         table_half_width: half the width of the table under the board, in x and y [m].
         clearance: planned distance between moving parts and the table or the arm [m].
-        margin: share of each joint limit that plans use; the rest is reserved for the controller.
+        margin: share of the joints' limits of speed, acceleration and torque that plans use; the rest is for the controller.
         friction: factor on the joints' dry friction.
     """
 
@@ -147,7 +147,9 @@ class ArmConfig:
         home = np.asarray(self.home, dtype=float)
         if home.shape != (JOINTS,) or not ((FR3_LIMITS.lowest <= home) & (home <= FR3_LIMITS.highest)).all():
             raise InvalidValueError("arm.home", self.home, "7 positions within the joints' limits [rad]")
-        for name in ("table_half_width", "clearance", "friction"):
+        if not (np.isfinite(self.table_half_width) and self.table_half_width > 0.0):
+            raise InvalidValueError("arm.table_half_width", self.table_half_width, "a positive number")
+        for name in ("clearance", "friction"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InvalidValueError(f"arm.{name}", getattr(self, name), "a number of at least 0")
         if not 0.0 < self.margin <= 1.0:

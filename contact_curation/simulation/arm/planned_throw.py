@@ -1,6 +1,6 @@
 """A throw as an arm's controller and a tracker are asked about it: one path of the joints, and where the body is on it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -16,7 +16,7 @@ from contact_curation.simulation.arm.path import JointPath, RampConfig
 from contact_curation.simulation.arm.postures import DEFAULT_SEARCH, SearchConfig
 from contact_curation.simulation.arm.safety import path_out_of_limits
 from contact_curation.simulation.arm.steady_swing import SteadyConfig, SteadySwing
-from contact_curation.simulation.arm.throw_motion import STEP, ArmPlanner, Refused
+from contact_curation.simulation.arm.throw_motion import STEP, ArmPlanner, Refused, within_margin
 
 HAND_EVERY = 4
 """Samples of the path between two places of the hand."""
@@ -65,9 +65,10 @@ def described_planner(
     """Plans throws of a body by an arm that is known by its description."""
     arm = DescribedArm(config)
     least = float(arm.limits.acceleration.min())
-    ramp = RampConfig(acceleration=SWING * least, moving_acceleration=MOVING * least)
+    ramp = within_margin(RampConfig(acceleration=SWING * least, moving_acceleration=MOVING * least), arm)
+    swing = SteadySwing(arm.limits, replace(steady, share=min(steady.share, arm.margin)))
     departure = DepartureConfig(opening=OPENING)
-    return ArmPlanner(body, arm, SteadySwing(arm.limits, steady), ramp, search, departure, SINKING * body.gravity)
+    return ArmPlanner(body, arm, swing, ramp, search, departure, SINKING * body.gravity)
 
 
 def way_home(planner: ArmPlanner, posture: Array) -> JointPath | str:

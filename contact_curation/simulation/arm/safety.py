@@ -175,7 +175,7 @@ class SafetyGate:
             return line
         with self._lock:
             pause = now - self._last_throw
-            if pause < self.config.least_pause:
+            if 0.0 <= pause < self.config.least_pause:  # a clock that was set back says nothing
                 return f"pause since the last throw: found {pause:.2f} s, expected at least {self.config.least_pause:g} s"
             self._last_throw = now
         return None

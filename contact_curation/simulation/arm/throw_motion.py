@@ -121,6 +121,13 @@ class SuddenSwing:
         return before, slowing_down(candidate.joints, candidate.speeds, STEP, self.ramp)
 
 
+def within_margin(ramp: RampConfig, arm: ThrowingArm) -> RampConfig:
+    """The ramp, with accelerations that the arm's margin leaves."""
+    most = arm.margin * float(arm.limits.acceleration.min())
+    fast, slow = min(ramp.acceleration, most), min(ramp.moving_acceleration, most)
+    return replace(ramp, acceleration=fast, moving_acceleration=slow)
+
+
 class ArmPlanner:
     """Plans throws of one body by any arm; made once, for its table of postures takes a while.
 
@@ -259,17 +266,22 @@ class ArmPlanner:
 
     def _within(self, path: JointPath) -> Refused | None:
         """Checks that a path keeps positions, speeds and accelerations within the limits."""
-        limits = self.arm.limits
-        use = limits.speed_use(path.positions, path.speeds) / self.arm.margin
+        limits, margin = self.arm.limits, self.arm.margin
+        half = 0.5 * (limits.highest - limits.lowest)
+        for name, values, most, unit in (
+            ("speed of joint {} on the way", path.speeds, margin * limits.speed, "rad/s"),
+            ("range of joint {} on the way", path.positions - limits.lowest - half, half, "rad from its middle"),
+            ("acceleration of joint {}", path.accelerations, margin * limits.acceleration, "rad/s^2"),
+        ):
+            largest = np.abs(values).max(axis=0)
+            worst = int((largest / most).argmax())
+            if largest[worst] > most[worst] + 1e-9:
+                return Refused(name.format(worst + 1), float(largest[worst]), float(most[worst]), unit)
+        use = limits.speed_use(path.positions, path.speeds) / margin  # near an end of a range less is allowed
         row, joint = np.unravel_index(int(use.argmax()), use.shape)
         if use[row, joint] > 1.0:
             found = abs(float(path.speeds[row, joint]))
             return Refused(f"speed of joint {joint + 1} on the way", found, found / float(use[row, joint]), "rad/s")
-        hardest = np.abs(path.accelerations).max(axis=0)
-        worst = int((hardest / limits.acceleration).argmax())
-        if hardest[worst] > limits.acceleration[worst]:
-            found, allowed = float(hardest[worst]), float(limits.acceleration[worst])
-            return Refused(f"acceleration of joint {worst + 1}", found, allowed, "rad/s^2")
         return None
 
     def _clear(self, model: mujoco.MjModel, data: mujoco.MjData, path: JointPath) -> Refused | None:
@@ -333,8 +345,8 @@ class ThrowPlanner:
     _planner: ArmPlanner = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        swing = SuddenSwing(self.ramp)
-        self._planner = ArmPlanner(self.body, self.config, swing, self.ramp, self.search, self.departure)
+        ramp = within_margin(self.ramp, self.config)
+        self._planner = ArmPlanner(self.body, self.config, SuddenSwing(ramp), ramp, self.search, self.departure)
 
     @property
     def grasps(self) -> Grasps:

@@ -348,6 +348,8 @@ class TrajectoryThrow:
             return f"the controller gave up: {self._done}"
         if self._done is not None and self._opened is None and self._throw is not None:
             return "the controller ended before the release"
+        if now < self._begin - 2.0 * self.config.lead:
+            return f"the clock was set back by at least {self._begin - self.config.lead - now:.1f} s"
         if now > self._until:
             return f"the controller has not ended {self.config.patience:g} s after the trajectory"
         missing = self.signals.arm_missing()

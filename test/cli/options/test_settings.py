@@ -5,6 +5,7 @@ import pytest
 from contact_curation.cli.options.settings import with_settings
 from contact_curation.contact.evaluation import Cone
 from contact_curation.contact.loss_config import LossConfig
+from contact_curation.design.safety import SafetyConfig
 from contact_curation.errors import ContactCurationError
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.motion.gate_config import GateConfig
@@ -29,6 +30,14 @@ def test_settings_replace_fields_of_every_type() -> None:
     assert changed["loss"] == LossConfig(cone=Cone.POLYHEDRAL)
     assert changed["scoring"].loss == LossConfig(match=0.5)
     assert STAGES["gates"] == GateConfig()
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_settings_that_are_valid_together_are_accepted_in_any_order(order: int) -> None:
+    words = ["safety.lowest_release=0.3", "safety.highest_release=0.6"][::order]
+    assert with_settings({"safety": SafetyConfig()}, words)["safety"].lowest_release == 0.3
+    with pytest.raises(ContactCurationError, match=r"--set safety.lowest_release=0.3: .* found 0.3, expected less than 0.24"):
+        with_settings({"safety": SafetyConfig()}, ["safety.lowest_release=0.3"])
 
 
 def test_the_last_setting_of_a_field_holds_and_none_is_a_value_where_it_may_be_none() -> None:

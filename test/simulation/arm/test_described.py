@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from contact_curation.design.throw import Throw
 from contact_curation.errors import ContactCurationError
-from contact_curation.geometry.quaternions import IDENTITY
+from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.simulation.arm.described import DescribedArm, read_arm
 from contact_curation.simulation.arm.path import JointPath
 from contact_curation.simulation.arm.planned_throw import PlannedThrow, planned_throw
@@ -115,6 +116,15 @@ def test_no_sample_of_a_motion_breaks_a_limit(planner: ArmPlanner, motion: Throw
     assert path_out_of_limits(whole(motion), planner.arm.limits) is None
 
 
+def test_a_smaller_margin_leaves_more_of_every_limit_unused() -> None:
+    planner = planner_of(replace(XARM7, margin=0.6), refined=3)
+    motion = planner.plan(SLOW)
+    assert isinstance(motion, ThrowMotion), str(motion)
+    path, limits = whole(motion), planner.arm.limits
+    for values, most in ((path.speeds, limits.speed), (path.accelerations, limits.acceleration)):
+        assert (np.abs(values) <= 0.6 * most + 1e-9).all()
+
+
 def test_a_planned_throw_is_one_path_from_home_to_home_that_knows_where_the_body_is(planner: ArmPlanner) -> None:
     plan = planned_throw(planner, SLOW)
     assert isinstance(plan, PlannedThrow), plan
@@ -177,6 +187,38 @@ def tilted(path: Path) -> Path:
     return path / "tilted.xml"
 
 
+def with_mesh(name: str) -> str:
+    """The description of the UR5e with a mesh for one of its shapes."""
+    text = Path(UR5E.description).read_text()
+    return text.replace('<cylinder radius="0.06" length="0.14"/>', f'<mesh filename="{name}"/>', 1)
+
+
+def described(path: Path, name: str) -> Path:
+    (path / "meshed.urdf").write_text(with_mesh(name))
+    return path / "meshed.urdf"
+
+
+def test_a_mesh_in_a_ros_package_is_found_above_the_description(tmp_path: Path) -> None:
+    (tmp_path / "arm" / "urdf").mkdir(parents=True)
+    corners = np.array([[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)])
+    write_obj(tmp_path / "arm" / "hull.obj", corners)
+    file = described(tmp_path / "arm" / "urdf", "package://arm/hull.obj")
+    assert DescribedArm(replace(UR5E, description=str(file))).joint_names
+
+
+def write_obj(path: Path, corners: Array) -> None:
+    lines = [f"v {x} {y} {z}" for x, y, z in corners.tolist()]
+    path.write_text("\n".join(lines + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in ConvexHull(corners).simplices]))
+
+
+@pytest.mark.parametrize("name", ["package://arm/hull.obj", "hull.obj", "hull.dae"])
+def test_a_mesh_that_cannot_be_read_is_said_in_one_line(name: str, tmp_path: Path) -> None:
+    (tmp_path / "hull.dae").write_text("<COLLADA/>")
+    with pytest.raises(ContactCurationError, match=r"hull\.") as error:
+        DescribedArm(replace(UR5E, description=str(described(tmp_path, name))))
+    assert "\n" not in str(error.value)
+
+
 @pytest.mark.parametrize(
     ("change", "line"),
     [
@@ -189,6 +231,9 @@ def tilted(path: Path) -> Path:
         (lambda _: {"home": (9.0,) * 7}, "arm.home"),
         (lambda _: {"description": "nowhere.urdf"}, "nowhere.urdf"),
         (lambda _: {"obstacles": (0.0,) * 5}, "arm.obstacles"),
+        (lambda _: {"obstacles": (0.0, 0.0, 0.0, 0.1, 0.1, 0.0)}, "arm.obstacles: found a half size of 0 m"),
+        (lambda _: {"table_half_width": 0.0}, "arm.table_half_width: found 0.0, expected a positive number"),
+        (lambda _: {"margin": True}, "arm.margin: found True"),
         (lambda path: {"description": str(without_ranges(path))}, "range of joint1"),
         (lambda path: {"description": str(tilted(path))}, "degrees off the vertical"),
     ],
@@ -208,7 +253,9 @@ def test_what_a_description_lacks_is_said_in_one_line(
         ("joint: [a]", "unknown"),
         ("{description: 5, joints: [a, b, c, d, e, f]}", "that is no text"),
         ("{description: a.urdf, joints: 6}", "that is no text"),
-        ("{description: a.urdf, joints: [a, b, c, d, e, f], home: here}", "arm.home"),
+        ("{description: a.urdf, joints: [a, b, c, d, e, f], home: here}", "arm.home: found here, expected numbers"),
+        ("{description: a.urdf, joints: [a, b, c, d, e, f], speed: null}", "arm.speed: found None, expected numbers"),
+        ("{description: a.urdf, joints: [a, b, c, d, e, f], yaw: north}", "arm.yaw: found north, expected numbers"),
         ("joints: [a, b, c, d, e, f]", "arm.description: found nothing"),
     ],
 )

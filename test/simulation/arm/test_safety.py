@@ -74,6 +74,7 @@ def test_throws_follow_each_other_no_faster_than_allowed() -> None:
     gate.heartbeat(2.0)
     assert "pause since the last throw: found 1.90 s" in str(gate.admits(PLAIN, 2.0))
     assert gate.admits(PLAIN, 2.1) is None
+    assert gate.admits(PLAIN, 1.0) is None  # the clock was set back
 
 
 @pytest.mark.parametrize(
