@@ -19,6 +19,7 @@ from contact_curation.experiments.thrown.page import page_of as page_of_throws
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+FROM_THETA_0 = "criteria_from_theta_0"
 PAGE, ROWS = DOCS / "results.md", DOCS / "results"
 COLUMNS = {
     "rotation °": "rotation",
@@ -350,9 +351,10 @@ def as_rows(name: str) -> list[Row]:
     return [dict(row) for row in rows(name)]
 
 
-def test_the_tables_of_rules_at_the_fit_are_those_of_the_stored_rows() -> None:
-    page = pages_of(as_rows("criteria_at_fit"), as_rows("criteria_at_fit_differences"), "random")
-    assert page.strip() in (DOCS / "reference" / "rules_at_the_fit.md").read_text()
+@pytest.mark.parametrize(("name", "page"), [("criteria_at_fit", "rules_at_the_fit"), (FROM_THETA_0, "rules_from_theta_0")])
+def test_the_tables_of_compared_rules_are_those_of_the_stored_rows(name: str, page: str) -> None:
+    made = pages_of(as_rows(name), as_rows(f"{name}_differences"), "random")
+    assert made.strip() in (DOCS / "reference" / f"{page}.md").read_text()
 
 
 def test_the_tables_of_rules_of_the_literature_are_those_of_the_stored_rows() -> None:
@@ -391,18 +393,24 @@ def test_the_errors_of_rules_at_the_fit_are_means_of_the_stored_rows() -> None:
             assert float(np.mean(own)) == pytest.approx(float(cell), abs=0.051), line
 
 
-def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> None:
-    found, sizes = rows("criteria_at_fit"), np.array([4, 8, 16, 32])
+def worth_of(name: str) -> dict[int, list[float]]:
+    """By the size of a selected set, how many random tosses it predicts like: of bodies, judges, position and rotation."""
+    found, sizes = rows(name), np.array([4, 8, 16, 32])
     worth: dict[int, list[float]] = {4: [], 8: []}
     for body in {row["body"] for row in found}:
         for measure in ("ours_position", "ours_rotation", "mujoco_position", "mujoco_rotation"):
             mean = {(rule, size): float(np.mean([float(row[measure]) for row in found
                                                  if (row["body"], row["rule"], row["size"]) == (body, rule, str(size))]))
-                    for rule in ("random", "representative") for size in sizes}  # fmt: skip
+                    for rule, wanted in (("random", sizes), ("representative", worth)) for size in wanted}  # fmt: skip
             errors = np.minimum.accumulate([mean["random", size] for size in sizes])
             for size, values in worth.items():
                 like = np.interp(-mean["representative", size], -errors, np.log2(sizes), right=6.0)
                 values.append(float(2.0**like))
+    return worth
+
+
+def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> None:
+    worth = worth_of("criteria_at_fit")
     assert np.median(worth[4]) == pytest.approx(13.0, abs=0.5)
     assert np.median(worth[8]) > 31.0
     assert min(worth[4]) > 8.5
@@ -410,10 +418,36 @@ def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> Non
     assert min(worth[8]) > 9.5
 
 
-def test_the_stored_differences_are_those_of_the_stored_means() -> None:
-    means = {(row["body"], float(row["size"]), row["rule"], row["seed"]): row for row in rows("criteria_at_fit")}
-    seeds = {row["seed"] for row in rows("criteria_at_fit")}
-    for row in rows("criteria_at_fit_differences"):
+def test_from_theta_0_too() -> None:
+    worth = worth_of(FROM_THETA_0)
+    assert np.median(worth[4]) == pytest.approx(10.0, abs=0.5)
+    assert min(worth[4]) == pytest.approx(4.0, abs=0.05)
+    assert max(worth[4]) == pytest.approx(19.0, abs=0.5)
+    assert np.median(worth[8]) > 31.0
+    assert min(worth[8]) == pytest.approx(10.0, abs=0.5)
+    told = re.search(
+        r"^\| rule \| better than random \|.*?\n\n", section("And from theta_0, as in use"), re.DOTALL | re.MULTILINE
+    )
+    assert told
+    _, _, *lines = told[0].strip().splitlines()
+    assert len(lines) == 6
+    for line in lines:
+        rule, *cells = (cell.strip(" *") for cell in line.strip("|").split("|"))
+        counts = []
+        for minus, sign in (("random", -1.0), ("random", 1.0), ("representative", -1.0), ("representative", 1.0)):
+            own = [row for row in rows(f"{FROM_THETA_0}_differences") if (row["rule"], row["minus"]) == (rule, minus)]
+            own = [row for row in own if row["measure"].endswith(("position", "rotation"))]
+            counts.append(
+                str(sum(min(sign * float(row["low"]), sign * float(row["high"])) > 0.0 for row in own)) if own else ""
+            )
+        assert cells == counts, line
+
+
+@pytest.mark.parametrize("name", ["criteria_at_fit", FROM_THETA_0])
+def test_the_stored_differences_are_those_of_the_stored_means(name: str) -> None:
+    means = {(row["body"], float(row["size"]), row["rule"], row["seed"]): row for row in rows(name)}
+    seeds = {row["seed"] for row in rows(name)}
+    for row in rows(f"{name}_differences"):
         own, others = ([float(means[row["body"], float(row["size"]), rule, seed][row["measure"]]) for seed in sorted(seeds)]
                        for rule in (row["rule"], row["minus"]))  # fmt: skip
         differences = np.array(own) - np.array(others)
