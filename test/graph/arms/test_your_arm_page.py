@@ -160,7 +160,8 @@ def test_the_page_is_followed_word_for_word(graph: Graph, reader: Reader) -> Non
     for fault in FAULTS:
         thrower.set_parameters("foreign_controller", fault=fault)
         graph.until(lambda: not checked().startswith("nothing"), LONG, f"check to notice {fault}")
-    thrower.set_parameters("foreign_controller", fault="")
+        thrower.set_parameters("foreign_controller", fault="")
+        graph.until(lambda: checked().startswith("nothing"), LONG, f"the end of {fault}")
     until_said("^nothing is missing; disarmed")
     (check,) = commands()
     assert "nothing is missing" in reader.runs(check)
