@@ -351,7 +351,14 @@ def as_rows(name: str) -> list[Row]:
     return [dict(row) for row in rows(name)]
 
 
-@pytest.mark.parametrize(("name", "page"), [("criteria_at_fit", "rules_at_the_fit"), (FROM_THETA_0, "rules_from_theta_0")])
+@pytest.mark.parametrize(
+    ("name", "page"),
+    [
+        ("criteria_at_fit", "rules_at_the_fit"),
+        ("counterfactual_rule", "rules_at_the_fit"),
+        (FROM_THETA_0, "rules_from_theta_0"),
+    ],
+)
 def test_the_tables_of_compared_rules_are_those_of_the_stored_rows(name: str, page: str) -> None:
     made = pages_of(as_rows(name), as_rows(f"{name}_differences"), "random")
     assert made.strip() in (DOCS / "reference" / f"{page}.md").read_text()
@@ -443,7 +450,7 @@ def test_from_theta_0_too() -> None:
         assert cells == counts, line
 
 
-@pytest.mark.parametrize("name", ["criteria_at_fit", FROM_THETA_0])
+@pytest.mark.parametrize("name", ["criteria_at_fit", "counterfactual_rule", FROM_THETA_0])
 def test_the_stored_differences_are_those_of_the_stored_means(name: str) -> None:
     means = {(row["body"], float(row["size"]), row["rule"], row["seed"]): row for row in rows(name)}
     seeds = {row["seed"] for row in rows(name)}
