@@ -19,7 +19,8 @@ from contact_curation.experiments.thrown.page import page_of as page_of_throws
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-FROM_THETA_0 = "criteria_from_theta_0"
+AT_FIT, FROM_THETA_0 = ("criteria_at_fit", "criteria_at_fit_differences"), ("from_theta_0/means", "from_theta_0/differences")
+BY_COUNTERFACTUALS, LITERATURE = ((f"{name}/means", f"{name}/differences") for name in ("by_counterfactuals", "literature"))
 PAGE, ROWS = DOCS / "results.md", DOCS / "results"
 COLUMNS = {
     "rotation °": "rotation",
@@ -352,21 +353,17 @@ def as_rows(name: str) -> list[Row]:
 
 
 @pytest.mark.parametrize(
-    ("name", "page"),
+    ("stored", "page"),
     [
-        ("criteria_at_fit", "rules_at_the_fit"),
-        ("counterfactual_rule", "rules_at_the_fit"),
+        (AT_FIT, "rules_at_the_fit"),
+        (BY_COUNTERFACTUALS, "rules_at_the_fit"),
         (FROM_THETA_0, "rules_from_theta_0"),
+        (LITERATURE, "rules_of_the_literature"),
     ],
 )
-def test_the_tables_of_compared_rules_are_those_of_the_stored_rows(name: str, page: str) -> None:
-    made = pages_of(as_rows(name), as_rows(f"{name}_differences"), "random")
+def test_the_tables_of_compared_rules_are_those_of_the_stored_rows(stored: tuple[str, str], page: str) -> None:
+    made = pages_of(as_rows(stored[0]), as_rows(stored[1]), "random")
     assert made.strip() in (DOCS / "reference" / f"{page}.md").read_text()
-
-
-def test_the_tables_of_rules_of_the_literature_are_those_of_the_stored_rows() -> None:
-    page = pages_of(as_rows("literature/means"), as_rows("literature/differences"), "random")
-    assert page.strip() in (DOCS / "reference" / "rules_of_the_literature.md").read_text()
 
 
 def test_so_many_differences_of_rules_of_the_literature_are_certain() -> None:
@@ -426,7 +423,7 @@ def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> Non
 
 
 def test_from_theta_0_too() -> None:
-    worth = worth_of(FROM_THETA_0)
+    worth = worth_of(FROM_THETA_0[0])
     assert np.median(worth[4]) == pytest.approx(10.0, abs=0.5)
     assert min(worth[4]) == pytest.approx(4.0, abs=0.05)
     assert max(worth[4]) == pytest.approx(19.0, abs=0.5)
@@ -442,7 +439,7 @@ def test_from_theta_0_too() -> None:
         rule, *cells = (cell.strip(" *") for cell in line.strip("|").split("|"))
         counts = []
         for minus, sign in (("random", -1.0), ("random", 1.0), ("representative", -1.0), ("representative", 1.0)):
-            own = [row for row in rows(f"{FROM_THETA_0}_differences") if (row["rule"], row["minus"]) == (rule, minus)]
+            own = [row for row in rows(FROM_THETA_0[1]) if (row["rule"], row["minus"]) == (rule, minus)]
             own = [row for row in own if row["measure"].endswith(("position", "rotation"))]
             counts.append(
                 str(sum(min(sign * float(row["low"]), sign * float(row["high"])) > 0.0 for row in own)) if own else ""
@@ -450,11 +447,12 @@ def test_from_theta_0_too() -> None:
         assert cells == counts, line
 
 
-@pytest.mark.parametrize("name", ["criteria_at_fit", "counterfactual_rule", FROM_THETA_0])
-def test_the_stored_differences_are_those_of_the_stored_means(name: str) -> None:
-    means = {(row["body"], float(row["size"]), row["rule"], row["seed"]): row for row in rows(name)}
-    seeds = {row["seed"] for row in rows(name)}
-    for row in rows(f"{name}_differences"):
+@pytest.mark.parametrize("stored", [AT_FIT, BY_COUNTERFACTUALS, FROM_THETA_0])
+def test_the_stored_differences_are_those_of_the_stored_means(stored: tuple[str, str]) -> None:
+    found = rows(stored[0])
+    means = {(row["body"], float(row["size"]), row["rule"], row["seed"]): row for row in found}
+    seeds = {row["seed"] for row in found}
+    for row in rows(stored[1]):
         own, others = ([float(means[row["body"], float(row["size"]), rule, seed][row["measure"]]) for seed in sorted(seeds)]
                        for rule in (row["rule"], row["minus"]))  # fmt: skip
         differences = np.array(own) - np.array(others)
