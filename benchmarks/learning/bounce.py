@@ -83,11 +83,9 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     start = replace(drawn, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0)
     if form is Form.RIGID:
         start = replace(start, noise=ImpulseNoise(), restitution=INITIAL_RESTITUTION if bounces else None)
-    if seen is not None:
-        start = replace(start, restitution=seen.restitution)
     config = replace(FIT, renewals=3)
     if seen is not None:
-        config = replace(config, restitution_spread=seen.error)
+        start, config = replace(start, restitution=seen.restitution), replace(config, restitution_spread=seen.error)
     return fit_held(PolytopeModel(start, body, form), data, config).model
 
 

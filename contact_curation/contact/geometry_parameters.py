@@ -21,8 +21,8 @@ UPWARD: Array = np.array([0.0, 0.0, 1.0])
 INITIAL_NOISE = 0.4
 """Standard deviation of the published initialisation, in half widths and as a share of the friction (method.md 1.1)."""
 
-INITIAL_RESTITUTION = 0.2
-"""Where one that is learned begins."""
+INITIAL_RESTITUTION, RESTITUTION_SPREAD = 0.2, 0.4
+"""Where one that is learned begins, and the standard deviation of what is known of it beforehand."""
 
 
 @dataclass(frozen=True, eq=False)

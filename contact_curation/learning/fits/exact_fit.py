@@ -8,6 +8,8 @@ The sum has several minima, most of all for bodies that are no boxes: a vertex i
 So a fit may start several times: at theta_0, at the body as described, and at this body with perturbed vertices. All starts
 have one sum, with equal variances; the fit goes on from the lowest minimum. The prior's mean stays theta_0.
 
+Where theta has a restitution, what first impacts show of it may stand in the prior in place of theta_0's.
+
 A share of the transitions, those that are explained worst, may be left out: least trimmed squares (Rousseeuw 1984; with
 concentration steps, Rousseeuw and Van Driessen 2006), with losses for squares. The fit is repeated until the same transitions
 are left out.

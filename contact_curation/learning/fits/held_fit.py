@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from contact_curation.contact.evaluation import Estimator, transition_weights
-from contact_curation.contact.geometry_parameters import INITIAL_NOISE, ContactGeometry
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, RESTITUTION_SPREAD, ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.rows import Rows
@@ -83,7 +83,7 @@ class HeldFitConfig:
     damping: tuple[float, float] = (1.0, 0.1)
     largest_damping: float = 1e6
     renewals: int = 2
-    restitution_spread: float = INITIAL_NOISE
+    restitution_spread: float = RESTITUTION_SPREAD
 
     def __post_init__(self) -> None:
         if not self.noise or min(self.noise) <= 0.0:

@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.geometry_parameters import INITIAL_NOISE
+from contact_curation.contact.geometry_parameters import INITIAL_NOISE, RESTITUTION_SPREAD
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
@@ -47,9 +47,6 @@ from contact_curation.learning.fits.polytope_sums import PolytopeSums, fitted_fo
 from contact_curation.learning.uncertainty.two_way import impact_scores, interval_factor, two_way_covariance
 from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.transitions import Transitions
-
-RESTITUTION = 0.4
-"""Standard deviation of what is known of a restitution beforehand."""
 
 
 @dataclass(frozen=True)
@@ -244,7 +241,7 @@ def _form(model: PolytopeModel) -> ParameterForm:
 
 def prior_of(model: PolytopeModel, config: KnownConfig) -> Array:
     """(P, P) A0: inverse variances of what was known before the first toss."""
-    deviations = {"friction": config.friction, "tilt": config.tilt, "height": config.height, "restitution": RESTITUTION}
+    deviations = {"friction": config.friction, "tilt": config.tilt, "height": config.height, "restitution": RESTITUTION_SPREAD}
     vertices = {"vertices_normal": config.vertices, "vertices_tangent": config.vertices}
     return np.diag(_by_block(model, {**vertices, **deviations}) ** -2)
 

@@ -42,8 +42,8 @@ STEEPEST = 20.0
 """Degrees between gravity and an axis, from which on it is along none."""
 
 DEPARTING = 3.0
-"""Times its scatter: so far no point of bodies is from falling on a parabola that do not move as rigid ones
-(`benchmarks.data.moving_parts`)."""
+"""Bodies do not move as rigid ones if the point that comes nearest to falling on a parabola departs from it by so many times
+its scatter (`benchmarks.data.moving_parts`)."""
 
 AIR, DRAG = 1.2, 1.2
 """Density [kg/m^3], and a blunt body's drag coefficient."""
@@ -189,7 +189,7 @@ class Evidence:
 
     @cached_property
     def departure(self) -> Departure | None:
-        """How far no point of bodies in the air falls on a parabola, where they do not move as rigid ones; else None.
+        """How far the best point of bodies in the air departs from a parabola, if they do not move as rigid ones; else None.
 
         The air slows a light body more in one orientation than in another: what its drag could do is no sign of moving parts.
         """

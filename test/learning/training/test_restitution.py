@@ -8,13 +8,15 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import rollout
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
-from contact_curation.learning.evaluation.rebounds import rebound_of
+from contact_curation.learning.evaluation.rebounds import Rebound, rebound_of
 from contact_curation.learning.fits.refits import subset
+from contact_curation.learning.training import training as training_module
 from contact_curation.learning.training.protocols import budgeted, exact
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
@@ -37,32 +39,42 @@ def bounced() -> Transitions:
     return Transitions(tuple("abcdefgh"), before, after, np.full(len(before), DT), (FRAMES - 1) * np.arange(9))
 
 
-def test_the_restitution_that_made_the_motions_is_learned_and_survives_a_checkpoint(bounced: Transitions) -> None:
+def training_of(data: Transitions) -> Training:
+    """An exact training, at its optimum."""
     config = replace(exact(), restitution=True, loss=LossConfig(threads=1))
     start = initial_geometry(CONTACTNETS_CUBE, Form.RIGID, np.zeros(3), np.random.default_rng(4), noise=0.02)
-    training = Training(PolytopeModel(start, CONTACTNETS_CUBE, Form.RIGID), bounced, None, config, 0)
+    training = Training(PolytopeModel(start, CONTACTNETS_CUBE, Form.RIGID), data, None, config, 0)
     training.advance(1)
-    learned = training.trained().geometry()
-    assert learned is not None
-    assert learned.restitution == pytest.approx(E, abs=0.05)
+    return training
+
+
+def restitution(model: Model) -> float | None:
+    geometry = model.geometry()
+    assert geometry is not None
+    return geometry.restitution
+
+
+def test_the_restitution_that_made_the_motions_is_learned_and_survives_a_checkpoint(bounced: Transitions) -> None:
+    training = training_of(bounced)
+    assert restitution(training.trained()) == pytest.approx(E, abs=0.05)
     resumed = training_of_bytes(checkpoint_bytes(training, {}), "here", bounced, None, CONTACTNETS_CUBE)
-    assert resumed.config == config
-    again = resumed.trained().geometry()
-    assert again is not None
-    assert again.restitution == learned.restitution
+    assert resumed.config == training.config
+    assert restitution(resumed.trained()) == restitution(training.trained())
 
 
 def test_of_few_motions_it_is_learned_with_everything_else(bounced: Transitions) -> None:
     few, _ = subset(bounced, np.arange(3))
     assert rebound_of(few, CONTACTNETS_CUBE) is None
-    config = replace(exact(), restitution=True, loss=LossConfig(threads=1))
-    start = initial_geometry(CONTACTNETS_CUBE, Form.RIGID, np.zeros(3), np.random.default_rng(4), noise=0.02)
-    training = Training(PolytopeModel(start, CONTACTNETS_CUBE, Form.RIGID), few, None, config, 0)
-    training.advance(1)
-    learned = training.trained().geometry()
-    assert learned is not None
-    assert learned.restitution not in (None, INITIAL_RESTITUTION)
-    assert learned.restitution == pytest.approx(E, abs=0.1)
+    learned = restitution(training_of(few).trained())
+    assert learned not in (None, INITIAL_RESTITUTION)
+    assert learned == pytest.approx(E, abs=0.1)
+
+
+def test_what_first_impacts_show_is_its_prior(bounced: Transitions, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(training_module, "rebound_of", lambda *_: Rebound(0.6, 1e-4))
+    assert restitution(training_of(bounced).trained()) == pytest.approx(0.6, abs=0.01)
+    monkeypatch.setattr(training_module, "rebound_of", lambda *_: Rebound(0.6, 10.0))
+    assert restitution(training_of(bounced).trained()) == pytest.approx(E, abs=0.05)
 
 
 def test_frames_too_far_apart_to_see_a_rebound_give_none(bounced: Transitions) -> None:
