@@ -1,6 +1,7 @@
 """One recorded motion, release to rest, in the board's frame and SI units."""
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -15,9 +16,24 @@ from contact_curation.geometry.quaternions import Array
 NANOSECONDS = 1_000_000_000
 
 
-def toss_identity(body: str, source: str, first_stamp_ns: int) -> str:
-    """The deterministic id of a toss: the same body, source and first stamp always give the same id (DESIGN 3)."""
-    return f"{body}-{first_stamp_ns}-{hashlib.sha256(source.encode()).hexdigest()[:8]}"
+FIRST_WALL_TIME_NS = 10**9 * NANOSECONDS
+"""[ns] September 2001: earlier stamps do not come from a clock that was set, such as those of a simulation that begins at 0."""
+
+
+def toss_identity(body: str, source: str, first_stamp_ns: int, first_poses: Sequence[float] = ()) -> str:
+    """The deterministic id of a toss: the same body, source and first stamp always give the same id (DESIGN 3).
+
+    Args:
+        body: its name.
+        source: where the poses came from.
+        first_stamp_ns: header stamp of the first frame [ns].
+        first_poses: numbers of the first frames, which count, to 1e-6, where the stamp is no time of the wall clock: then each
+            recording may begin with the same stamp.
+    """
+    told = source
+    if first_stamp_ns < FIRST_WALL_TIME_NS:
+        told += "".join(f" {abs(value):.6f}" for value in first_poses)  # q and -q are one orientation
+    return f"{body}-{first_stamp_ns}-{hashlib.sha256(told.encode()).hexdigest()[:8]}"
 
 
 def first_stamp_in(toss_id: str) -> int | None:

@@ -161,8 +161,9 @@ def cut(run: Sequence[Frame], first: int, stop: int, body: str, source: str, con
         orientations = median_orientations(orientations)
     rates = kinematics(stamps, positions, orientations)
     kept = slice(first, stop)
+    beginning = [value for frame in run[first : first + 2] for value in (*frame.position, *frame.orientation_wxyz)]
     toss = Toss(
-        toss_id=toss_identity(body, source, int(stamps[first])),
+        toss_id=toss_identity(body, source, int(stamps[first]), beginning),
         body=body,
         source=source,
         frame_period=config.frame_period or float(np.median(np.diff(stamps[kept]))) / NANOSECONDS,

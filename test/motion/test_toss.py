@@ -32,6 +32,13 @@ def test_the_identity_depends_on_body_source_and_first_stamp_and_on_nothing_else
     assert len(others | {toss_identity("brick", "/odom", 5)}) == 4
 
 
+def test_first_poses_are_part_of_the_identity_only_where_stamps_are_no_wall_time() -> None:
+    here, there = (0.1, 0.2, -1.0), (0.1, 0.2000011, -1.0)
+    assert toss_identity("cube", "/odom", 5, here) != toss_identity("cube", "/odom", 5, there)
+    assert toss_identity("cube", "/odom", 5, here) == toss_identity("cube", "/odom", 5, (0.1, 0.2 + 1e-9, 1.0))
+    assert toss_identity("cube", "/odom", 10**18, here) == toss_identity("cube", "/odom", 10**18)
+
+
 @pytest.mark.parametrize(
     ("changed", "why"),
     [

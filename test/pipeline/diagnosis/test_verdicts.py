@@ -10,13 +10,14 @@ import pytest
 
 from benchmarks.data.check_faults import FAULTS, Fault, Session, diagnosed, in_map, simulated_session, spoilt_bag, write
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.motion.toss import Toss
+from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.findings.facts import identifiable
 from contact_curation.pipeline.diagnosis.findings.tosses import HINTS
 from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY
 from test.cli.commands import Cli
 from test.conftest import REPOSITORY
@@ -121,17 +122,32 @@ def test_a_recording_given_twice_is_told_as_duplicates(golden: Path, tmp_path: P
     assert "21 tosses of 42 are duplicates" in found.verdict
 
 
-def test_tosses_under_the_ids_of_others_are_told_to_be_left_out(tmp_path: Path) -> None:
-    """Three recordings whose header stamps start again, so that two thirds of the tosses have the ids of others."""
+def beginning_alike(folder: Path, start_ns: int) -> list[Path]:
+    """Three recordings of different tosses with the same header stamps from this one on."""
     bags = []
     for number in range(3):
         to = [one.pose._replace(position=(one.pose.position[0] + 0.01 * number, *one.pose.position[1:])) for one in ON_BOARD]
-        poses = [replace(one, pose=pose) for one, pose in zip(ON_BOARD, to, strict=True)]
-        bags.append(write_ours(tmp_path / f"{number}.mcap", recorded("/pose", ODOMETRY, poses)))
-    found = diagnose(bags, ReadingConfig(CONTACTNETS_CUBE))
+        later_ns = start_ns - ON_BOARD[0].stamp_ns
+        poses = [replace(one, pose=pose, stamp_ns=one.stamp_ns + later_ns) for one, pose in zip(ON_BOARD, to, strict=True)]
+        bags.append(write_ours(folder / f"{number}.mcap", recorded("/pose", ODOMETRY, poses)))
+    return bags
+
+
+def test_tosses_under_the_ids_of_others_are_told_to_be_left_out(tmp_path: Path) -> None:
+    found = diagnose(beginning_alike(tmp_path, 1_600_000_000 * NANOSECONDS), ReadingConfig(CONTACTNETS_CUBE))
     assert re.match(
         r"4 of 6 tosses start with the header stamp of another one and are left out: cube-\S+ of 1\.mcap", found.verdict
     )
+
+
+def test_of_recordings_that_each_begin_at_time_0_all_tosses_count(tmp_path: Path) -> None:
+    """As simulations write them: their ids hold the first poses, too, in any order of the recordings."""
+    bags = beginning_alike(tmp_path, 0)
+    read = read_tosses(bags, ReadingConfig(CONTACTNETS_CUBE))
+    assert len(read) == 6
+    assert not read.warnings
+    assert sorted(read.ids) == sorted(read_tosses(bags[::-1], ReadingConfig(CONTACTNETS_CUBE)).ids)
+    assert "left out" not in diagnose(bags, ReadingConfig(CONTACTNETS_CUBE)).verdict
 
 
 def test_of_a_long_recording_only_the_first_messages_are_looked_at(golden: Path) -> None:
