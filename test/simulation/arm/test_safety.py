@@ -63,8 +63,17 @@ def test_a_stop_by_hand_is_told_from_a_heartbeat_that_failed_even_if_it_comes_af
 def test_an_old_heartbeat_does_not_put_the_watch_back() -> None:
     gate = SafetyGate(GateConfig(heartbeat_timeout=0.4))
     gate.arm(10.0)
-    gate.heartbeat(3.0)
+    gate.heartbeat(9.7)
     assert gate.watch(10.3)
+
+
+def test_the_watchdog_goes_on_watching_where_the_clock_begins_anew() -> None:
+    gate = SafetyGate(GateConfig(heartbeat_timeout=0.4))
+    gate.arm(100.0)
+    gate.heartbeat(0.1)
+    assert gate.watch(0.4)
+    assert not gate.watch(0.6)
+    assert gate.reason.startswith("no heartbeat for 0.50 s")
 
 
 def test_throws_follow_each_other_no_faster_than_allowed() -> None:
