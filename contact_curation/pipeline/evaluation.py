@@ -67,7 +67,7 @@ def evaluate_models(
         for one in models
         if one.model.has_own_friction_vertices
     }
-    known_config = known_config or KnownConfig()
+    known_config = (known_config or KnownConfig()).with_shape(models[0].shape)
     what_is_known, why_not = _known(models[0], tosses, known_config)
     bounce = _bounce(models[0], tosses, known_config)
     change = _more(models[0], tosses, config, more)
@@ -161,7 +161,7 @@ def _bounce(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) ->
 def _more(judged: LearnedModel, tosses: JudgingTosses, config: EvaluationConfig, throws: int | None) -> MoreThrows | None:
     """The change by more throws like those to whose optimum a model was fitted."""
     fitted = tosses.fitted or tuple(toss for toss in tosses.judged_by if toss.toss_id in judged.fitted_to)
-    if not judged.at_optimum or not fitted:
+    if not judged.at_optimum or not fitted or judged.shape_known_to is not None:
         return None
     return more_throws(judged.model, transitions_of(fitted, judged.body.length_scale), tosses.judged_by, config, throws)
 

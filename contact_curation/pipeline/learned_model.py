@@ -10,6 +10,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, read_json, write_atomically
+from contact_curation.learning.checkpoints.checkpoint import protocol_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
@@ -34,6 +35,7 @@ class LearnedModel:
         held_out: ids of those that its training held out, likewise.
         rig: how these were calibrated, in words of `--set`; None where its file does not say.
         at_optimum: whether its training says that it ended at the optimum of its tosses.
+        shape_known_to: how exactly its training knew the corners beforehand [m]; None for the published initialisation.
         data: the checkpoint; empty for a model that comes from none.
         warnings: what was left out of the recordings it learned from just now, and what was assumed, one line each.
     """
@@ -45,6 +47,7 @@ class LearnedModel:
     held_out: frozenset[str] = frozenset()
     rig: str | None = None
     at_optimum: bool = False
+    shape_known_to: float | None = None
     data: bytes = b""
     warnings: tuple[str, ...] = ()
 
@@ -57,6 +60,11 @@ class LearnedModel:
     def body(self) -> Body:
         """The body whose motion the model describes."""
         return self.model.body
+
+    @property
+    def shape(self) -> float | None:
+        """`shape_known_to` in the body's characteristic lengths."""
+        return None if self.shape_known_to is None else self.shape_known_to / self.body.length_scale
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the checkpoint, whole or not at all, as a .safetensors file.
@@ -124,6 +132,7 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
         body: which it must be for.
     """
     model, notes = model_of_bytes(data, name, body), notes_of_bytes(data, name)
+    protocol = protocol_of_bytes(data, name)
     learned, last, held_out = (_ids(notes.get(key, "")) for key in ("training ids", "fitted ids", "held-out ids"))
     selections = _selected(notes, name)
     if selections:
@@ -136,6 +145,7 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
         held_out=held_out,
         rig=notes.get("rig"),
         at_optimum=OPTIMUM in notes,
+        shape_known_to=None if protocol is None else protocol.shape_known_to,
         data=data,
     )
 

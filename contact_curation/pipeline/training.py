@@ -99,8 +99,13 @@ class TrainConfig:
         set_whole_numbers(self, ("seed",))
 
     def plan(self, tosses: LearningTosses) -> TrainingPlan:
-        """The plan of a training on these tosses."""
+        """The plan of a training on these tosses.
+
+        Raises:
+            InvalidValueError: `protocol.shape_known_to` is no length of a part of the body.
+        """
         start = self.start
+        self.protocol.shape_of(self.body)
         if isinstance(start, Parameters):
             start = _polytope(start, self.protocol.form, tosses)
         return TrainingPlan(
@@ -240,9 +245,12 @@ class TrainingRun:
         return sticking_in_words(self.curated.training.data, model.geometry(), model.body, slid)
 
     def more_throws(self) -> MoreThrows | None:
-        """How far as many throws again would change predicted motions, of the held-out tosses if there are any."""
+        """How far as many throws again would change predicted motions, of the held-out tosses if there are any.
+
+        None for a shape that was known: how far lines hold there was not measured.
+        """
         training, plan = self.curated.training, self.plan
-        if not self._at_optimum:
+        if not self._at_optimum or plan.protocol.shape_known_to is not None:
             return None
         config = EvaluationConfig(plan.protocol.loss, bootstrap=BootstrapConfig(seed=plan.seed), threads=os.cpu_count() or 1)
         return more_throws(training.trained(), training.data, plan.held_out or plan.tosses, config)

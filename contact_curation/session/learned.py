@@ -89,6 +89,7 @@ def _parameters(
     from contact_curation.learning.evaluation.misfit import sliding_of
     from contact_curation.learning.uncertainty.parameters import KnownConfig, known
     from contact_curation.motion.transitions import transitions_of
+    from contact_curation.pipeline.learned_model import load_model
 
     shape, geometry = shape_errors(model), model.geometry()
     if shape is None or geometry is None:
@@ -101,6 +102,7 @@ def _parameters(
     if fitted and others and is_physical(geometry):
         scale = model.body.length_scale
         slid = sliding_of((*fitted, *others), model.body)
-        found = known(model, transitions_of(fitted, scale), transitions_of(others, scale), KnownConfig(), slid)
+        config = KnownConfig().with_shape(load_model(folder.checkpoint).shape)
+        found = known(model, transitions_of(fitted, scale), transitions_of(others, scale), config, slid)
         interval = next(one.interval for one in found.parameters if one.name == "friction")
     return LearnedSummary(shape.friction, interval, model.body.friction, shape.vertex_rms_mm, len(fitted), len(state.throws))

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.model_version import model_version
 from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
+from contact_curation.learning.training.plan import first_model
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.learning.training.training import Training
@@ -350,3 +351,20 @@ def test_a_round_says_what_its_model_lacks(tmp_path: Path) -> None:
             trained.follow(SelectedSet(1, 8, tuple(toss.toss_id for toss in thrown)))
             trained.advance()
             assert [line.partition(":")[0] for line in trained.misfits()] == said
+
+
+def test_rounds_begin_at_a_shape_that_is_known_and_stay_near_it(tmp_path: Path) -> None:
+    config = replace(exact(), shape_known_to=0.0005)
+    thrown = simulated_tosses(4, 3)
+    with TossStore(tmp_path / "trainer.sqlite") as kept:
+        begin = partial(first_model, "polytope", CONTACTNETS_CUBE, config, seed=0)
+        trained = TrainingStage(begin, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, kept, tmp_path / "model.safetensors")
+        for toss in thrown:
+            trained.add(toss)
+        trained.follow(SelectedSet(1, 4, tuple(toss.toss_id for toss in thrown)))
+        moments = until_idle(trained)
+    off = [np.abs(geometry.vertices_normal - CONTACTNETS_CUBE.scaled_vertices).max() for geometry in (
+        moment.model.geometry() for moment in moments
+    ) if geometry is not None]  # fmt: skip
+    assert off[0] == 0.0
+    assert 0.0 < off[-1] < 0.04

@@ -21,7 +21,7 @@ from contact_curation.cli.options.reading import (
     stages_of,
 )
 from contact_curation.cli.options.settings import add_fields, with_options
-from contact_curation.cli.options.types import PathEndingIn, natural_number, number_from_zero, positive_integer
+from contact_curation.cli.options.types import PathEndingIn, natural_number, number_from_zero, positive_integer, positive_number
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.cli.stop_signals import StopSignals
@@ -83,6 +83,14 @@ def _add_model_options(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="where to start: a checkpoint, or a polytope as JSON (default: the published random initialisation)",
+    )
+    group.add_argument(
+        "--shape-known-to",
+        type=positive_number,
+        metavar="M",
+        help="how exactly the corners of --body, or of --params, are known: their standard deviation [m], such as 0.001 for a "
+        "part that was milled; the exact protocol begins there, and needs fewer tosses (default: not known; it begins at the "
+        "published random initialisation, off by 0.4 length scales)",
     )
     group.add_argument(
         "--protocol",
@@ -225,6 +233,8 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
     stages = stages_of(arguments, defaults)
     protocol: TrainingConfig = stages["training"]
     protocol = protocol if arguments.steps is None else replace(protocol, steps=arguments.steps)
+    if arguments.shape_known_to is not None:
+        protocol = replace(protocol, shape_known_to=arguments.shape_known_to)
     reading = ReadingConfig(body, inputs_of(stages, gated=not arguments.no_gate))
     division = DivisionConfig(
         rule=HeldOutRule(share=DEFAULT_SHARE) if arguments.held_out is None else held_out_rule(arguments.held_out),

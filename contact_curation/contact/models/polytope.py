@@ -95,6 +95,11 @@ class PolytopeModel(ContactModel):
         return cls(initial_geometry(body, form, below_centroid(data), rng), body, form)
 
     @classmethod
+    def as_described(cls, body: Body, form: Form, data: Rows) -> Self:
+        """The body as its user described it, on a level board, whose ground tilts about a point amid the data."""
+        return cls(initial_geometry(body, form, below_centroid(data), np.random.default_rng(0), noise=0.0), body, form)
+
+    @classmethod
     def blank(cls, settings: Mapping[str, str], body: Body) -> Self:
         geometry = ContactGeometry.of_body(body)
         if RESTITUTION in settings:

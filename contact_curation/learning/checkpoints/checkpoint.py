@@ -81,6 +81,19 @@ def training_of_bytes(
     return Training.resumed(model, transitions, held_out, config, memory)
 
 
+def protocol_of_bytes(data: bytes, source: Path | str) -> TrainingConfig | None:
+    """The protocol of the training in the bytes of a checkpoint; None for a model without its training.
+
+    Raises:
+        UnreadableInputError: no such bytes, or no protocol.
+    """
+    told = unpack(data, source).documents.get("training")
+    try:
+        return None if told is None else config_of(told["config"])
+    except MALFORMED as error:
+        raise UnreadableInputError(source, f"holds no training ({type(error).__name__}: {error})") from error
+
+
 def document_of(config: TrainingConfig) -> dict[str, Any]:
     """A protocol as JSON takes it: enumerations are strings already."""
     return asdict(config)

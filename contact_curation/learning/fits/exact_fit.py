@@ -79,6 +79,7 @@ def optimum(
     trimmed: float,
     starts: int = 1,
     rebound: Rebound | None = None,
+    shape: float | None = None,
 ) -> Optimum:
     """Fits a polytope to tosses, starting at `theta_0`, and elsewhere.
 
@@ -89,8 +90,10 @@ def optimum(
         trimmed: share of the transitions that is left out, from 0 to less than 1.
         starts: how many starts, at least 1.
         rebound: what first impacts show of the restitution, where theta has one: its prior, in place of that of theta_0.
+        shape: standard deviation of what is known of the vertices of theta_0 [characteristic lengths]; None for the spread of
+            the published initialisation.
     """
-    config = HeldFitConfig(loss=loss)
+    config = HeldFitConfig(loss=loss, shape=shape)
     if rebound is not None:
         start = PolytopeModel(replace(start.geometry(), restitution=rebound.restitution), start.body, start.form)
         config = replace(config, restitution_spread=rebound.error)

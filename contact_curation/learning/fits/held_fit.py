@@ -61,6 +61,7 @@ class HeldFitConfig:
         loss: weights and solver of the loss L.
         noise: sigma^2 of each of the successive fits.
         spread: standard deviation of the initialisation [characteristic lengths; for friction a share of it].
+        shape: the same of the vertices, where they are known better [characteristic lengths]; None for `spread`.
         tilt: standard deviation of the ground's tilt [rad].
         ground: weight w_h of the ground's height, as in `protocols.budgeted`.
         tolerance: the last fit has converged when a step lowers the sum by less than this share.
@@ -84,6 +85,7 @@ class HeldFitConfig:
     largest_damping: float = 1e6
     renewals: int = 2
     restitution_spread: float = RESTITUTION_SPREAD
+    shape: float | None = None
 
     def __post_init__(self) -> None:
         if not self.noise or min(self.noise) <= 0.0:
@@ -222,10 +224,11 @@ class HeldSum:
 
     def _holds(self, parameters: int) -> Array:
         """(P,) sigma^2 A0, whose diagonal is all there is."""
-        holds = np.full(parameters, self.noise / self.config.spread**2)
-        holds[-3:-1] = self.noise / self.config.tilt**2
+        config = self.config
+        holds = np.full(parameters, self.noise / (config.shape or config.spread) ** 2)
+        holds[-4], holds[-3:-1], holds[-1] = (self.noise / each**2 for each in (config.spread, config.tilt, config.spread))
         if self.origin.restitution is not None:
-            holds[RESTITUTION_PLACE] = self.noise / self.config.restitution_spread**2
+            holds[RESTITUTION_PLACE] = self.noise / config.restitution_spread**2
         return holds
 
     @property

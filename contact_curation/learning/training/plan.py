@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from contact_curation.contact.body import Body
-from contact_curation.contact.models.model import Model
+from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.scoring import ScoringConfig
@@ -95,14 +96,29 @@ def begin(plan: TrainingPlan) -> CuratedTraining:
     """
     noise, shuffles = np.random.SeedSequence(plan.seed).generate_state(2)
     everything = transitions_of(plan.tosses, plan.length_scale)
-    model = plan.start.with_tensors(plan.start.tensors()) if plan.start else model_class(plan.kind).initial(
-        plan.body, plan.protocol.form, rows_of(everything), np.random.default_rng(noise)
+    model = plan.start.with_tensors(plan.start.tensors()) if plan.start else first_model(
+        plan.kind, plan.body, plan.protocol, rows_of(everything), int(noise)
     )  # fmt: skip
     reranking = _reranking(plan)
     first = reranking.select(theta_0(model) if plan.protocol.exact else model) if reranking else None
     data = selected_transitions(plan.tosses, first.toss_ids, plan.length_scale) if first else everything
     training = Training(model, data, plan.held_out_transitions, plan.protocol, int(shuffles))
     return CuratedTraining(training, plan.tosses, reranking, (first,) if first else ())
+
+
+def first_model(kind: str, body: Body, protocol: TrainingConfig, data: Rows, seed: int) -> Model:
+    """The model that a training begins at where none is given: the published initialisation, or a shape that is known.
+
+    Args:
+        kind: name of the model.
+        body: the object.
+        protocol: how it is trained.
+        data: what it learns from first.
+        seed: of the published initialisation.
+    """
+    if protocol.shape_known_to is not None:
+        return PolytopeModel.as_described(body, protocol.form, data)
+    return model_class(kind).initial(body, protocol.form, data, np.random.default_rng(seed))
 
 
 def stored(plan: TrainingPlan, curated: CuratedTraining, notes: Mapping[str, str] | None = None) -> bytes:

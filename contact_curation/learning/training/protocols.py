@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from contact_curation.configs import set_whole_numbers
+from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.defaults import ModelDefaults
 from contact_curation.contact.models.registry import model_class
@@ -94,11 +95,13 @@ class TrainingConfig:
         ground: weight of the squared height of the ground, where one is learned (learning/training/objective.py).
         influence: bound on the influence of large losses.
         loss: weights, cone and solver.
-        exact: whether a polytope's optimum is taken at once; then form, loss, `trimmed`, `starts` and `restitution` are all of
-            this that counts.
+        exact: whether a polytope's optimum is taken at once; then form, loss, `trimmed`, `starts`, `restitution` and
+            `shape_known_to` are all of this that counts.
         trimmed: share of the transitions that an exact fit leaves out, those that it explains worst.
         starts: how many starts an exact fit has, of which the lowest minimum counts (learning/fits/exact_fit.py).
         restitution: whether an exact fit in the rigid form learns one.
+        shape_known_to: how exactly the corners of the body, or of the initial parameters, are known: their standard deviation
+            [m]. An exact fit then begins there. None for the published initialisation.
     """
 
     form: Form
@@ -118,6 +121,7 @@ class TrainingConfig:
     trimmed: float = 0.0
     starts: int = 1
     restitution: bool = False
+    shape_known_to: float | None = None
 
     def __post_init__(self) -> None:
         counts = ("batch", "steps", "epochs", "evaluation_steps", "starts")
@@ -133,6 +137,24 @@ class TrainingConfig:
             raise InvalidValueError("trimmed", self.trimmed, "a share from 0 on, less than 1")
         if self.restitution and not (self.exact and self.form is Form.RIGID):
             raise InvalidValueError("restitution", "true", "false, or the exact protocol in the form rigid")
+        if self.shape_known_to is not None:
+            if not (math.isfinite(self.shape_known_to) and self.shape_known_to > 0.0):
+                raise InvalidValueError("shape_known_to", self.shape_known_to, "a positive number of metres")
+            if not self.exact:
+                raise InvalidValueError("shape_known_to", self.shape_known_to, "none, or the exact protocol")
+
+    def shape_of(self, body: Body) -> float | None:
+        """`shape_known_to` in the body's units of length.
+
+        Raises:
+            InvalidValueError: it is no length of a part of the body.
+        """
+        if self.shape_known_to is None:
+            return None
+        if self.shape_known_to >= body.length_scale:
+            expected = f"metres, less than the body's length scale of {body.length_scale:.3g}"
+            raise InvalidValueError("shape_known_to", self.shape_known_to, expected)
+        return self.shape_known_to / body.length_scale
 
     def rate(self, step: int) -> float:
         """Share of the learning rates that gradient step number `step` of the budget, from 0 on, is taken with."""

@@ -254,7 +254,10 @@ class Training:
             batch = self.model.batch_loss(rows, self.config.loss)
         failure = self._nonfinite(batch.losses.numpy(), batch.solved.numpy(), rows, np.arange(len(rows.dt)))
         config = self.config
-        found = None if failure else optimum(origin, self._data, config.loss, config.trimmed, config.starts, self._rebound)
+        shape = config.shape_of(origin.body)
+        found = None if failure else optimum(
+            origin, self._data, config.loss, config.trimmed, config.starts, self._rebound, shape
+        )  # fmt: skip
         if found is None or not found.finite:
             self._end(TrainingState.FAILED, failure or "the sum that the fit minimises is not finite")
             return

@@ -78,7 +78,8 @@ class MoreThrows(NamedTuple):
         """One line."""
         if self.not_determined:
             names = ", ".join(self.not_determined)
-            return f"what more throws like these would change is not known: they do not determine {names}"
+            line = f"what more throws like these would change is not known: they do not determine {names}"
+            return line + "; if the described corners are exact, say shape_known_to" * ("vertex" in names)
         usual = f"{self.position:.1f} % of the width and {self.rotation:.1f} degrees"
         most = f"{self.position_95:.1f} % and {self.rotation_95:.1f} degrees"
         change = f"{self.throws} more throws like these change predicted motions by {usual}"

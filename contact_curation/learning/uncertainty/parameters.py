@@ -1,8 +1,9 @@
 """What is known of a polytope after it was fitted to tosses: per parameter in mm, friction and degrees (method.md 2.8).
 
 The one to quote is `deviation`: how far tosses, and transitions with other impulses, disagree about theta (two_way.py), or
-Cramer-Rao's where that is more. It alone contains that the model is not quite right. Beside it stand three that are known from
-books, with H the Gauss-Newton information and s the scores at theta, k counting tosses and t transitions:
+Cramer-Rao's where that is more, and what was known before where that is less. It alone contains that the model is not quite
+right. Beside it stand three that are known from books, with H the Gauss-Newton information and s the scores at theta, k
+counting tosses and t transitions:
 
     Cramer-Rao  (A0 + H / sigma^2)^-1                        if all residuals were independent and of one variance sigma^2
     sandwich    B (sum_k s_k s_k^T + sigma^4 A0) B           if only tosses are independent, and there are many (Huber 1967)
@@ -70,6 +71,10 @@ class KnownConfig:
         for name in ("vertices", "friction", "tilt", "height"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InvalidValueError(f"known.{name}", getattr(self, name), "a positive number")
+
+    def with_shape(self, shape: float | None) -> "KnownConfig":
+        """The same, where a training knew the vertices better than that [characteristic lengths]; None where it did not."""
+        return self if shape is None else replace(self, vertices=min(shape, self.vertices))
 
 
 class KnownParameter(NamedTuple):
@@ -163,7 +168,7 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
     sandwich = _sandwich(sums, variance, prior)
     naive = _inverse(polytope_sums(model, fitted, Estimator.EMPIRICAL, config.loss).fishers.sum(axis=0))
     groups = impact_scores(model, fitted, config.loss)
-    both = _at_least(two_way_covariance(sums, groups, variance, prior), cramer_rao)
+    both = _at_most(_at_least(two_way_covariance(sums, groups, variance, prior), cramer_rao), 1.0 / np.diagonal(prior))
     deviations = tuple(np.sqrt(np.diagonal(each)) for each in (cramer_rao, sandwich, naive, both))
     newton = np.linalg.solve(variance * prior + information, sums.scores.sum(axis=0))
     rows = _parameters(model, *deviations, interval_factor(len(fitted.toss_ids), len(groups)) * deviations[-1])
@@ -208,6 +213,12 @@ def _sandwich(sums: PolytopeSums, variance: float, prior: Array) -> Array:
 def _at_least(covariance: Array, least: Array) -> Array:
     """The covariance with variances that are at least those of another, and its correlations."""
     factors = np.sqrt(np.maximum(np.diagonal(least) / np.diagonal(covariance), 1.0))
+    return np.asarray(factors[:, None] * covariance * factors)
+
+
+def _at_most(covariance: Array, variances: Array) -> Array:
+    """The covariance with variances of at most these (P,), and its correlations: what was known before is not forgotten."""
+    factors = np.sqrt(np.minimum(variances / np.diagonal(covariance), 1.0))
     return np.asarray(factors[:, None] * covariance * factors)
 
 

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from rclpy.node import Node
 
 from contact_curation.contact.body import Body
@@ -14,6 +13,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
+from contact_curation.learning.training.plan import first_model
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, USUAL_STARTS, TrainingConfig, budgeted, exact
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.pipeline.reading import ReadingConfig
@@ -56,6 +56,8 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     )
     starts = declare(node, "starts", ours.starts, "how often an exact fit starts; the lowest minimum counts", bounds=(1, 1000))
     bounces = declare(node, "restitution", False, "whether an exact fit in the form rigid learns a restitution")
+    about_shape = "how exactly the described corners are known [m]; 0: not, theta begins at the published initialisation"
+    shape = declare(node, "shape_known_to", 0.0, about_shape, bounds=(0.0, 1.0))
     steps = declare(node, "steps", ROUND_STEPS, "gradient steps in a round", bounds=(1, 1 << 31))
     return replace(
         ours,
@@ -63,6 +65,7 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
         trimmed=trimmed,
         starts=starts,
         restitution=bounces,
+        shape_known_to=shape or None,
         batch=declare(node, "batch", ours.batch, "transitions in a gradient step", bounds=(1, 1 << 20)),
         steps=steps,
         evaluation_steps=steps,
@@ -73,16 +76,17 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     )
 
 
-def declared_first_model(node: Node, kind: str, body: Body, form: Form, seed: int) -> Callable[[Rows], Model]:
-    """Returns a function that makes the initial model: from a file, or by the published random initialisation.
+def declared_first_model(node: Node, kind: str, body: Body, protocol: TrainingConfig, seed: int) -> Callable[[Rows], Model]:
+    """Returns a function that makes the initial model: from a file, or `learning.training.plan.first_model`.
 
     Raises:
         ContactCurationError: the file contains no model of this kind.
     """
     path = declare(node, "params", "", "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation")
+    protocol.shape_of(body)  # refuses what is no length of it
     if not path:
-        return lambda data: model_class(kind).initial(body, form, data, np.random.default_rng(seed))
-    model = _stored_model(Path(path), body, form)
+        return lambda data: first_model(kind, body, protocol, data, seed)
+    model = _stored_model(Path(path), body, protocol.form)
     if model.kind != kind:
         raise InvalidValueError(f"model in {path}", model.kind, kind)
     return lambda _: model

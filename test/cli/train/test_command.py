@@ -122,6 +122,28 @@ def test_a_polytope_that_is_given_is_where_it_starts(cli: Cli, folder: Path, tmp
     assert "expected a checkpoint of a deep model" in refused.err
 
 
+def test_a_shape_that_is_known_is_where_it_begins_and_about_where_it_ends(cli: Cli, folder: Path, tmp_path: Path) -> None:
+    off = {}
+    for name, options in {"random": (), "known": ("--shape-known-to", "0.0005")}.items():
+        out = tmp_path / f"{name}.safetensors"
+        done = cli("train", folder, "--out", out, "--held-out", "5,6", *options, "--json")
+        assert (done.json["more_throws"] is None) is (name == "known")
+        geometry = read_model(out, CONTACTNETS_CUBE).geometry()
+        assert geometry is not None
+        off[name] = 52.4 * np.abs(geometry.vertices_normal - CONTACTNETS_CUBE.scaled_vertices).max()
+    assert off["known"] < 2.0
+    assert off["random"] > 10.0
+    widths = {
+        name: cli("evaluate", tmp_path / f"{name}.safetensors", folder, "--json").json["known"]["parameters"] for name in off
+    }
+    interval = {name: max(one["interval"] for one in rows if one["unit"] == "mm") for name, rows in widths.items()}
+    assert interval["known"] < 0.2 * interval["random"]
+    trained = cc.train(folder, held_out="5,6", shape_known_to=0.0005)
+    trained.save(tmp_path / "python.safetensors")
+    assert trained.shape_known_to == 0.0005
+    assert numbers(tmp_path / "python.safetensors") == numbers(tmp_path / "known.safetensors")
+
+
 def test_a_tilted_ground_stays_where_it_is_when_its_pivot_moves(cli: Cli, folder: Path, tmp_path: Path) -> None:
     lean, rise = float(np.sin(0.05)), float(np.cos(0.05))
     axes = [[0.18 * rise, 0.0, -0.18 * lean], [0.0, 0.18, 0.0]]
@@ -199,6 +221,9 @@ def test_a_held_out_motion_under_another_heading_is_not_trained_on(cli: Cli, fol
         (("--params", "nowhere.json"), "nowhere.json: cannot be read"),
         (("--manifest", "nowhere.json"), "nowhere.json: cannot be read"),
         (("--set", "training.batch=0"), "batch: found 0"),
+        (("--shape-known-to", "1"), "shape_known_to: found 1.0, expected metres, less than the body's length scale of 0.0524"),
+        (("--shape-known-to", "0.001", "--steps", "5"), "shape_known_to: found 0.001, expected none, or the exact protocol"),
+        (("--set", "training.shape_known_to=-1"), "shape_known_to: found -1.0, expected a positive number of metres"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(cli: Cli, folder: Path, tmp_path: Path, options: tuple[str, ...], line: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
-from contact_curation.contact.parameter_form import Form
+from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.fits.held_fit import HeldFitConfig, HeldSum, fit_held
@@ -107,3 +107,36 @@ def test_no_step_moves_a_restitution_that_is_held_or_beyond_its_bounds(data: Tra
     iterate = HeldSum(data, np.ones(3), CONFIG, bounds[0.5].geometry(), 0.06, restitution_held=True).iterate(bounds[0.5])
     step = np.linalg.solve(iterate.information, iterate.score)
     assert np.flatnonzero(step == 0.0).tolist() == [24]
+
+
+@pytest.mark.parametrize(("form", "restitution"), [(Form.PHYSICAL, None), (Form.RIGID, None), (Form.RIGID, 0.3)])
+def test_a_shape_that_is_known_holds_the_vertices_and_nothing_else(
+    data: Transitions, form: Form, restitution: float | None
+) -> None:
+    geometry = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=restitution)
+    parameters = parameter_form(geometry, form).size
+    first, last = 24 if form is Form.RIGID else 48, parameters
+    wide, known = (
+        HeldSum(data, np.ones(3), replace(CONFIG, shape=shape), geometry, 0.06).curvature(parameters) for shape in (None, 0.02)
+    )
+    assert known[:first] == pytest.approx((CONFIG.spread / 0.02) ** 2 * wide[:first])
+    assert known[first:last] == pytest.approx(wide[first:last])
+
+
+def test_vertices_stay_near_a_shape_that_is_known_while_friction_is_learned(data: Transitions) -> None:
+    """Of a shape that is described 0.03 off, and a friction that is twice the true one."""
+    off = 0.03 * np.random.default_rng(5).standard_normal((8, 3))
+    vertices = CONTACTNETS_CUBE.scaled_vertices + off
+    described = replace(
+        ContactGeometry.of_body(CONTACTNETS_CUBE), vertices_normal=vertices, vertices_tangent=vertices,
+        tangents=2.0 * CONTACTNETS_CUBE.friction * np.eye(2, 3),
+    )  # fmt: skip
+    start = PolytopeModel(described.rigid(), CONTACTNETS_CUBE, Form.RIGID)
+    found = {shape: fit_held(start, data, replace(CONFIG, shape=shape)).model.geometry() for shape in (None, 0.001, 0.03)}
+    moves = {shape: np.abs(one.vertices_normal - vertices).max() for shape, one in found.items()}
+    assert moves[0.001] < 0.01
+    assert moves[0.001] < moves[0.03] < moves[None]
+    errors = {shape: np.linalg.norm(one.vertices_normal - CONTACTNETS_CUBE.scaled_vertices) for shape, one in found.items()}
+    assert errors[0.03] < np.linalg.norm(off)
+    for one in found.values():
+        assert np.linalg.norm(one.tangents[0]) == pytest.approx(CONTACTNETS_CUBE.friction, rel=0.1)

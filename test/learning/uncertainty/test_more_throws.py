@@ -85,7 +85,10 @@ def test_a_vertex_that_touches_nothing_is_named_and_no_number_is_said() -> None:
     assert found is not None
     assert found.not_determined == ("vertex 8",)
     assert found.position is None
-    assert found.in_words() == "what more throws like these would change is not known: they do not determine vertex 8"
+    assert found.in_words() == (
+        "what more throws like these would change is not known: they do not determine vertex 8; "
+        "if the described corners are exact, say shape_known_to"
+    )
 
 
 def test_nothing_is_said_of_few_tosses_or_another_form() -> None:

@@ -1,0 +1,170 @@
+"""What it is worth to say how exactly a body's corners are known: fits that begin at the described shape and are held there.
+
+For each seed a third of the tosses judges (experiments/bodies.py), and fits learn from n random ones of the others. The
+description has each corner off by 1 or 3 mm in each direction (standard deviation, drawn anew for each seed). Beside the fit
+from the published initialisation, which knows of no description, stand the described body itself, and fits with
+`shape_known_to` of 1 or 3 mm: as it is, and once 1 mm where it is 3. Of tosses that a rule selects in place of random ones, at
+the described theta, the description is 1 mm off, and is said to be. Two engines judge. Held says how often the 95 % interval of
+a coordinate of a corner, and of friction, holds the truth, where that is known.
+
+    python -m benchmarks.learning.known_shape [--bodies cube slab irregular] [--sizes 4 8 16] [--seeds 10] [--save ROWS.jsonl]
+
+With --save rows are kept, and those that are there already are not made again.
+"""
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from benchmarks.learning.mass_centre import RESAMPLES, as_described, errors_of
+from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
+from contact_curation.contact.parameter_form import Form
+from contact_curation.experiments.bodies import bench_of
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench, select
+from contact_curation.experiments.rules import RULES
+from contact_curation.learning.fits.exact_fit import optimum, theta_0
+from contact_curation.learning.training.data import rows_of
+from contact_curation.learning.training.protocols import USUAL_STARTS
+from contact_curation.learning.uncertainty.parameters import KnownConfig, known
+from contact_curation.motion.transitions import Transitions, transitions_of
+
+OTHERS = 8
+"""Judging tosses that tell the noise."""
+
+MEASURES = ("position", "rotation", "mujoco_position", "mujoco_rotation", "vertices_mm", "friction")
+HELD = ("vertices_held", "friction_held")
+
+type Row = dict[str, Any]
+
+
+class Arm(NamedTuple):
+    """What is off and what is said of a description [mm]; None for the published initialisation, or for no fit."""
+
+    name: str
+    off: float
+    said: float | None
+    rule: str = "random"
+
+
+ARMS = (
+    Arm("published", 0.0, None),
+    Arm("off 1 mm, said 1", 1.0, 1.0),
+    Arm("off 3 mm, said 3", 3.0, 3.0),
+    Arm("off 3 mm, said 1", 3.0, 1.0),
+    Arm("1 mm, representative", 1.0, 1.0, "representative"),
+    Arm("1 mm, longest", 1.0, 1.0, "longest"),
+)
+DESCRIBED = (Arm("described, off 1 mm", 1.0, None), Arm("described, off 3 mm", 3.0, None))
+
+
+def described(bench: Bench, off: float, seed: int) -> Bench:
+    """The same tosses of a body that is described so far off [mm]."""
+    noise = np.random.default_rng([seed, 9]).standard_normal(bench.body.vertices.shape)
+    return replace(bench, body=replace(bench.body, vertices=bench.body.vertices + 1e-3 * off * noise))
+
+
+def fitted(bench: Bench, arm: Arm, data: Transitions, seed: int) -> PolytopeModel:
+    """The optimum of some tosses."""
+    if arm.said is None:
+        drawn = initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed))
+        return optimum(theta_0(PolytopeModel(drawn, bench.body, Form.RIGID)), data, ONE_THREAD, 0.0, USUAL_STARTS).model
+    body = described(bench, arm.off, seed).body
+    start = PolytopeModel.as_described(body, Form.RIGID, rows_of(data))
+    return optimum(start, data, ONE_THREAD, 0.0, USUAL_STARTS, shape=1e-3 * arm.said / body.length_scale).model
+
+
+def held(model: PolytopeModel, bench: Bench, arm: Arm, data: Transitions) -> Row:
+    """Shares of the intervals that hold the truth: the body of the bench."""
+    others = transitions_of(list(bench.held_out[:OTHERS]), bench.body.length_scale)
+    shape = None if arm.said is None else 1e-3 * arm.said / bench.body.length_scale
+    found = known(model, data, others, KnownConfig(ONE_THREAD).with_shape(shape)).parameters
+    truth = 1e3 * bench.body.vertices.ravel()
+    corners = [abs(one.value - true) <= one.interval for one, true in zip(found, truth.tolist(), strict=False)]
+    friction = next(one for one in found if one.name == "friction")
+    holds = abs(friction.value - bench.body.friction) <= friction.interval
+    return {"vertices_held": float(np.mean(corners)), "friction_held": float(holds)}
+
+
+def chosen(bench: Bench, arm: Arm, size: int, seed: int) -> Transitions:
+    """The tosses that are learned from."""
+    if arm.rule == "random":
+        places = np.random.default_rng([seed, 7]).permutation(len(bench.training))[:size]
+        tosses = [bench.training[place] for place in places]
+    else:
+        model = as_described(described(bench, arm.off, seed).body)
+        ids = select(RULES[arm.rule], model, bench.training, size, seed)
+        tosses = [toss for toss in bench.training if toss.toss_id in ids]
+    return transitions_of(tosses, bench.body.length_scale)
+
+
+def row_of(bench: Bench, arm: Arm, size: int, seed: int) -> Row:
+    """Of one model; of size 0 that of the described body."""
+    if not size:
+        return errors_of(as_described(described(bench, arm.off, seed).body), bench, np.zeros(3))
+    data = chosen(bench, arm, size, seed)
+    model = fitted(bench, arm, data, seed)
+    return {**errors_of(model, bench, np.zeros(3)), **held(model, bench, arm, data)}
+
+
+def print_table(rows: Sequence[Row]) -> None:
+    """Means over seeds, and differences to the published initialisation with 95 % intervals over seeds and judging tosses."""
+    rng = np.random.default_rng(0)
+    for name, size in dict.fromkeys((row["body"], row["size"]) for row in rows):
+        own = [row for row in rows if (row["body"], row["size"]) == (name, size)]
+        print(f"{name}, {f'fit to {size}' if size else 'no fit'}, {len({row['seed'] for row in own})} seeds")
+        before = {row["seed"]: row for row in own if row["arm"] == ARMS[0].name}
+        for arm in dict.fromkeys(row["arm"] for row in own):
+            after = [row for row in own if row["arm"] == arm]
+            print(f"  {arm:20}" + "  ".join(_said(measure, after, before, rng) for measure in MEASURES), end="")
+            print("".join(f"  {held} {np.mean([row[held] for row in after]):.2f}" for held in HELD if held in after[0]))
+
+
+def _said(measure: str, after: Sequence[Row], before: dict[int, Row], rng: np.random.Generator) -> str:
+    mean = float(np.mean([np.mean(row[measure]) for row in after]))
+    if not before or after[0]["arm"] == ARMS[0].name or measure not in MEASURES[:4]:
+        return f"{measure} {mean:.3g}"
+    off = [np.subtract(row[measure], before[row["seed"]][measure]) for row in after]
+    means = []
+    for seeds in rng.integers(0, len(off), (RESAMPLES, len(off))):
+        means.append(np.mean([np.mean(rng.choice(off[seed], len(off[seed]))) for seed in seeds]))
+    low, high = np.quantile(means, [0.025, 0.975])
+    return f"{measure} {mean:.3g} ({low:+.1f}, {high:+.1f})"
+
+
+def main() -> int:
+    """Runs the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--bodies", nargs="+", default=["cube", "slab", "irregular"])
+    parser.add_argument("--sizes", nargs="+", type=int, default=[4, 8, 16])
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--save", type=Path)
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    there = arguments.save is not None and arguments.save.exists()
+    kept: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
+    rows: list[Row] = []
+    for name in arguments.bodies:
+        for seed in range(arguments.seeds):
+            bench = bench_of(name, seed)
+            for size, arm in [(0, arm) for arm in DESCRIBED] + [(size, arm) for size in arguments.sizes for arm in ARMS]:
+                key: Row = {"body": name, "size": size, "seed": seed, "arm": arm.name}
+                row = next((one for one in kept if {**one, **key} == one), None)
+                if row is None:
+                    row = {**key, **row_of(bench, arm, size, seed)}
+                    if arguments.save is not None:
+                        with arguments.save.open("a") as file:
+                            file.write(json.dumps(row) + "\n")
+                rows.append(row)
+    print_table(rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
