@@ -2,6 +2,7 @@
 
 import csv
 import re
+from collections import defaultdict
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -472,3 +473,31 @@ def test_the_frictions_of_the_rules_page_are_medians_of_the_stored_rows() -> Non
         for size, cell in zip((head.split()[-1] for head in heads[1:]), cells, strict=True):
             own = [row for row in found if (row["rule"], row["size"]) == (name.split(",")[0], size)]
             assert float(np.median([float(row["friction"]) for row in own])) == pytest.approx(float(cell), abs=0.00051), name
+
+
+KNOWN_SHAPES = {
+    "published initialisation": "published",
+    "1 mm off, said 1": "off 1 mm, said 1",
+    "3 mm off, said 3": "off 3 mm, said 3",
+    "3 mm off, said 1": "off 3 mm, said 1",
+    "1 mm off, said 1, representative": "1 mm, representative",
+    "1 mm off, said 1, longest": "1 mm, longest",
+    "as described, 1 mm off": "described, off 1 mm",
+    "as described, 3 mm off": "described, off 3 mm",
+    "1 mm off, friction 1.5 times too high": "1 mm, friction x 1.5",
+}
+OF_KNOWN_SHAPES = ("position", "rotation", "mujoco_position", "mujoco_rotation", "vertices_mm")
+
+
+def test_the_table_of_known_shapes_is_the_mean_of_the_stored_rows() -> None:
+    found: dict[tuple[str, str, str], list[list[float]]] = defaultdict(list)
+    for row in rows("models/known_shape"):
+        found[row["body"], row["size"], row["arm"]].append([float(row[measure]) for measure in OF_KNOWN_SHAPES])
+    page = (DOCS / "explanation/models.md").read_text().partition("## A shape that is known")[2].partition("## Bounce")[0]
+    lines = [line.strip("|") for line in page.splitlines() if line.startswith("| ")][2:]
+    said = [[cell.strip() for cell in re.sub(r"[*`]", "", line).split("|")] for line in lines]
+    for body, size, description, *means in said:
+        own = found[body, size.replace("—", "0"), KNOWN_SHAPES[description]]
+        assert len(own) == 10
+        assert [float(mean) for mean in means] == pytest.approx(np.mean(own, axis=0), abs=0.051), (body, size, description)
+    assert len(said) == 39
