@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.stop_signals import StopSignals
-from contact_curation.files import partial_name
+from contact_curation.errors import ContactCurationError
+from contact_curation.files import partial_name, writing
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
 from contact_curation.pipeline.pool import TossPool
@@ -70,11 +71,15 @@ class RankDashboard:
         self._inputs: Sequence[Path] = arguments.inputs
         port = arguments.web_port if arguments.dashboard else 0
         self._recording: Path | None = arguments.rrd
-        self._partial = self._recording and partial_name(self._recording).with_suffix(self._recording.suffix)
+        self._partial = self._recording and _partial_recording(self._recording)
         self._serving: ServingConfig = ServingConfig(
             port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
         )
-        self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
+        try:
+            self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
+        except ContactCurationError:
+            self.drop()
+            raise
 
     def show(self, pool: TossPool, curation: Curation) -> None:
         """Writes the ranking; call it while the factors of the pool can be read."""
@@ -94,7 +99,11 @@ class RankDashboard:
         )
 
     def end(self) -> None:
-        """Serves the dashboard until Ctrl-C or SIGTERM if requested, and closes it."""
+        """Serves the dashboard until Ctrl-C or SIGTERM if requested, and closes it.
+
+        Raises:
+            UnwritableOutputError: the file is not whole.
+        """
         from contact_curation.dashboard.live.serving import BLUEPRINT, close_screen
 
         if self._serving.web_port:
@@ -103,8 +112,11 @@ class RankDashboard:
                 print(f"dashboard at {self._serving.address} (Ctrl-C ends it)", file=sys.stderr, flush=True)
                 while not signals.wanted:
                     time.sleep(POLL)
-        close_screen(self._screen)
-        if self._partial and self._recording:
+        if not (self._partial and self._recording):
+            close_screen(self._screen)
+            return
+        with writing(self._recording):
+            close_screen(self._screen)
             for ending in (self._recording.suffix, BLUEPRINT):
                 self._partial.with_suffix(ending).replace(self._recording.with_suffix(ending))
 
@@ -115,6 +127,11 @@ class RankDashboard:
 
             for ending in (self._partial.suffix, BLUEPRINT):
                 self._partial.with_suffix(ending).unlink(missing_ok=True)
+
+
+def _partial_recording(path: Path) -> Path:
+    partial = partial_name(path)
+    return partial.with_name(partial.name + path.suffix)
 
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:
