@@ -16,7 +16,7 @@ import rerun.blueprint as rrb
 from contact_curation.dashboard.live.recorded_file import RecordedFile
 from contact_curation.dashboard.live.screen import Screen
 from contact_curation.dashboard.live.web_viewer import POLL, WebViewer, listens
-from contact_curation.errors import InvalidValueError, UnwritableOutputError
+from contact_curation.errors import InvalidValueError
 
 APPLICATION = "contact_curation"
 BLUEPRINT = ".rbl"
@@ -128,10 +128,10 @@ def close_screen(screen: Screen) -> None:
 
 
 def _save(layout: rrb.Blueprint, path: Path) -> None:
-    try:
-        layout.save(APPLICATION, path)
-    except RuntimeError as error:  # Rerun's, of a disk that is full
-        raise UnwritableOutputError(path, str(error)) from error
+    file = RecordedFile(path)
+    layout.save(APPLICATION, file.pipe)
+    file.opened()
+    file.finish()
 
 
 def _data_served(port: int) -> bool:

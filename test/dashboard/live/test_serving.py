@@ -182,21 +182,23 @@ from pathlib import Path
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.dashboard.live.layout import live_layout
 from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
-screen = open_screen(ServingConfig(0, recording=Path(sys.argv[1])), live_layout(CONTACTNETS_CUBE))
-resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
-for number in range(100):
-    screen.text(f"page/{number}", "hello" * 1000)
+room = int(sys.argv[2])
+resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
 try:
+    screen = open_screen(ServingConfig(0, recording=Path(sys.argv[1])), live_layout(CONTACTNETS_CUBE))
+    for number in range(100):
+        screen.text(f"page/{number}", "hello" * 1000)
     close_screen(screen)
 except Exception as error:
     print(type(error).__name__, error)
 """
 
 
-def test_a_disk_that_is_full_is_one_line_and_does_not_hang(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("room", "ending"), [(1000, ".rbl"), (200_000, ".rrd")])
+def test_a_disk_that_is_full_is_one_line_and_does_not_hang(room: int, ending: str, tmp_path: Path) -> None:
     path = tmp_path / "full.rrd"
-    done = subprocess.run([sys.executable, "-c", FULL, str(path)], capture_output=True, text=True, timeout=120)
-    found = f"output: found {path}, expected a path that can be written (File too large)"
+    done = subprocess.run([sys.executable, "-c", FULL, str(path), str(room)], capture_output=True, text=True, timeout=120)
+    found = f"output: found {path.with_suffix(ending)}, expected a path that can be written (File too large)"
     assert done.stdout == f"UnwritableOutputError {found}\n"
     assert done.returncode == 0
 
