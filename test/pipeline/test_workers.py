@@ -143,6 +143,26 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     wait_until(lambda: not any(alive(pid) for pid in workers))
 
 
+UNGUARDED = """
+import sys
+from pathlib import Path
+from contact_curation.pipeline.workers import each, unheard
+from test.pipeline.test_workers import length
+print("begins")
+print(list(each(length, [Path(sys.argv[1]), Path(sys.argv[1])], 2, unheard)))
+"""
+
+
+@pytest.mark.parametrize("from_standard_input", [False, True])
+def test_a_script_needs_no_guard(from_standard_input: bool, tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    command = [sys.executable, "-" if from_standard_input else str(script), str(script)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, input=UNGUARDED, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == f"begins\n[{len(UNGUARDED)}, {len(UNGUARDED)}]\n", done.stderr
+
+
 def wait_until(holds: Callable[[], bool], seconds: float = 30.0) -> None:
     end = time.monotonic() + seconds
     while not holds():
