@@ -7,13 +7,14 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.errors import ContactCurationError
-from contact_curation.files import partial_name, writing
+from contact_curation.files import scratch_folder, writing
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
 from contact_curation.pipeline.pool import TossPool
@@ -71,11 +72,14 @@ class RankDashboard:
         self._inputs: Sequence[Path] = arguments.inputs
         port = arguments.web_port if arguments.dashboard else 0
         self._recording: Path | None = arguments.rrd
-        self._partial = self._recording and _partial_recording(self._recording)
-        self._serving: ServingConfig = ServingConfig(
-            port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
-        )
+        self._partial: Path | None = None
+        self._scratch = ExitStack()
+        if self._recording:
+            self._partial = self._scratch.enter_context(scratch_folder(self._recording)) / self._recording.name
         try:
+            self._serving: ServingConfig = ServingConfig(
+                port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
+            )
             self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
         except ContactCurationError:
             self.drop()
@@ -122,16 +126,7 @@ class RankDashboard:
 
     def drop(self) -> None:
         """Removes an incomplete file; the file of an earlier dashboard stays."""
-        if self._partial:
-            from contact_curation.dashboard.live.serving import BLUEPRINT
-
-            for ending in (self._partial.suffix, BLUEPRINT):
-                self._partial.with_suffix(ending).unlink(missing_ok=True)
-
-
-def _partial_recording(path: Path) -> Path:
-    partial = partial_name(path)
-    return partial.with_name(partial.name + path.suffix)
+        self._scratch.close()
 
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:
