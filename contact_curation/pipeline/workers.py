@@ -279,16 +279,20 @@ def _in_parallel[Input, Result](
     return Unfinished([], [])
 
 
+_START = threading.Lock()
+
+
 class _Worker(multiprocessing.context.SpawnProcess):
     """A fresh process that does not begin with the user's script, which may have no `if __name__ == "__main__"`."""
 
     def start(self) -> None:
-        script = sys.modules["__main__"]
-        sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            super().start()
-        finally:
-            sys.modules["__main__"] = script
+        with _START:  # of several threads, each would put back what another one had put there
+            script = sys.modules["__main__"]
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
+                super().start()
+            finally:
+                sys.modules["__main__"] = script
 
 
 class _WorkerContext(multiprocessing.context.SpawnContext):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -161,6 +162,13 @@ def test_a_script_needs_no_guard(from_standard_input: bool, tmp_path: Path) -> N
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(command, input=UNGUARDED, env=environment, capture_output=True, text=True, check=False)
     assert done.stdout == f"begins\n[{len(UNGUARDED)}, {len(UNGUARDED)}]\n", done.stderr
+
+
+def test_threads_that_start_workers_at_once_leave_the_script_as_it_is() -> None:
+    script = sys.modules["__main__"]
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(lambda _: list(each(squared, [3, 3], 2, unheard)), range(4))) == [[9, 9]] * 4
+    assert sys.modules["__main__"] is script
 
 
 def wait_until(holds: Callable[[], bool], seconds: float = 30.0) -> None:
