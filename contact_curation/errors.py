@@ -94,12 +94,17 @@ class UnreadableInputError(ContactCurationError):
 
 
 def why_unreadable(path: Path, error: OSError) -> str:
-    """Why the system does not read a file, and where there is none of the name, the nearest name in its folder."""
+    """Why the system does not read a file, and where there is none of the name, the nearest name in its folder.
+
+    Of a link to nothing, as in a folder whose data were not fetched, where it leads.
+    """
     why = error.strerror or str(error)
     if not isinstance(error, FileNotFoundError):
         return why
     if not path.parent.is_dir():
         return f"{why}; there is no folder {path.parent}"
+    if path.is_symlink():
+        return f"{why}; it is a link to {path.readlink()}"
     return why + near_name(path.name, (entry.name for entry in islice(path.parent.iterdir(), MOST_ENTRIES)))
 
 

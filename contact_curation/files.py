@@ -199,6 +199,22 @@ def staged_folder(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
+def scratch_folder(path: Path) -> Iterator[Path]:
+    """A hidden folder beside `path`, for files that then take their names; it is removed when the block ends.
+
+    Raises:
+        UnwritableOutputError: it cannot be made there.
+    """
+    with writing(path):
+        lock, folder = _partial(path.absolute(), _new_folder)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        os.close(lock)
+
+
+@contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Says what the system refuses (a disk that is full or breaks, a folder that is not there) as an error of this output.
 

@@ -1,6 +1,7 @@
 """Errors: messages for names that do not exist, and the way from one process to another."""
 
 import pickle
+from pathlib import Path
 
 import pytest
 
@@ -18,6 +19,7 @@ from contact_curation.errors import (
     UnreadableInputError,
     UnwritableOutputError,
     did_you_mean,
+    why_unreadable,
 )
 from contact_curation.pipeline.workers import Advance, LocalEngine, WorkerDiedError, unheard
 
@@ -35,6 +37,12 @@ def test_an_unknown_name_is_an_invalid_value_in_one_line() -> None:
     with pytest.raises(InvalidValueError) as caught:
         raise UnknownNameError("field", "gates.dpth", ["gates.depth", "gates.spin"])
     assert str(caught.value) == "unknown field gates.dpth: did you mean gates.depth?"
+
+
+def test_a_link_to_nothing_says_where_it_leads_and_offers_no_name(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap").symlink_to("annex/a.mcap")
+    found = why_unreadable(tmp_path / "a.mcap", FileNotFoundError(2, "No such file or directory"))
+    assert found == "No such file or directory; it is a link to annex/a.mcap"
 
 
 ERRORS = [

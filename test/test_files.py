@@ -8,7 +8,7 @@ import pytest
 
 from contact_curation import files
 from contact_curation.errors import UnreadableInputError
-from contact_curation.files import partial_name, read_yaml, staged_folder, write_atomically
+from contact_curation.files import partial_name, read_yaml, scratch_folder, staged_folder, write_atomically
 
 
 @pytest.fixture(params=[0o077, 0o027, 0o022], ids=oct)
@@ -30,6 +30,16 @@ def test_the_name_of_what_is_not_complete_is_another_one_each_time(tmp_path: Pat
     names = {partial_name(tmp_path / "a.json") for _ in range(100)}
     assert len(names) == 100
     assert {name.parent for name in names} == {tmp_path}
+
+
+def test_a_scratch_folder_is_of_one_writer_and_what_a_killed_one_left_is_removed(tmp_path: Path) -> None:
+    left = tmp_path / ".a.rrd.partial-killed"
+    left.mkdir()
+    (left / "a.rrd").touch()
+    with scratch_folder(tmp_path / "a.rrd") as one, scratch_folder(tmp_path / "a.rrd") as other:
+        assert set(tmp_path.iterdir()) == {one, other}
+        (one / "a.rrd").touch()
+    assert not list(tmp_path.iterdir())
 
 
 def in_a_folder(path: Path) -> None:

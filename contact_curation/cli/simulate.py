@@ -27,8 +27,8 @@ from contact_curation.simulation.world import WorldConfig
 
 STAGES = ("simulation", "noise")
 
-EARLIEST, HOUR = 1_600_000_000, 3600
-"""Earliest made-up time [s since 1970]; two bytes of hours from there reach to the year 2028."""
+EARLIEST, MADE_UP = 1_600_000_000, 65_536 * 3600
+"""Earliest made-up time [s since 1970], and the seconds from there to the latest one, in the year 2028."""
 
 
 def add_options(parser: OneLineParser) -> None:
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
         if throw.body != thrower.body.name:
             raise InvalidValueError(f"body of throw {throw.throw_id}", throw.body, f"{thrower.body.name}; see --body")
     rules = SegmenterConfig(frame_period=thrower.config.frame_period)
-    rig = TagslamRig(rules=rules, epoch_ns=_made_up_time(throws, arguments))
+    rig = TagslamRig(rules=rules, epoch_ns=_made_up_time(thrower.body, throws, arguments))
     with Progress("throwing", "throws", len(throws)) as progress, BagWriter(arguments.out) as bag:
         count, frames = record(bag, thrower.body, thrower.tosses(throws, progress.advance), rig)
         if not count:
@@ -93,11 +93,12 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _made_up_time(throws: Sequence[Throw], arguments: argparse.Namespace) -> int:
-    """The time at which the bag begins [ns]; it follows from the throws, so that other throws get other ids."""
-    said = [[throw.to_mapping() for throw in throws], arguments.execution_noise, arguments.seed, arguments.settings]
+def _made_up_time(body: Body, throws: Sequence[Throw], arguments: argparse.Namespace) -> int:
+    """The time at which the bag begins [ns]; it follows from body and throws, so that other tosses get other ids."""
+    thrown = [body.to_mapping(), [throw.to_mapping() for throw in throws]]
+    said = [*thrown, arguments.execution_noise, arguments.seed, arguments.settings]
     digest = hashlib.sha256(json.dumps(said, default=str).encode()).digest()
-    return (EARLIEST + int.from_bytes(digest[:2]) * HOUR) * NANOSECONDS
+    return EARLIEST * NANOSECONDS + int.from_bytes(digest) % (MADE_UP * NANOSECONDS)
 
 
 class _Thrower:

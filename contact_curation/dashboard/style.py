@@ -61,7 +61,8 @@ def save_figure(figure: "Figure", path: Path) -> Path:
         InvalidValueError: no PNG can be written there.
     """
     content = BytesIO()
-    figure.savefig(content, format="png", metadata={"Software": "contact_curation"})  # by which it is known again
+    with _settings():
+        figure.savefig(content, format="png", metadata={"Software": "contact_curation"})  # by which it is known again
     write_atomically(path, content.getvalue())
     return path
 
@@ -98,14 +99,24 @@ def new_figure(width: float, height: float, dots: int) -> "Iterator[Figure]":
         width, height: [inch].
         dots: per inch.
     """
-    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with rc_context(STYLE):
+    with _settings(STYLE):
         figure = Figure(figsize=(width, height), dpi=dots, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
+
+
+@contextmanager
+def _settings(style: Any = ()) -> "Iterator[None]":
+    """Draws with the defaults of matplotlib and `style`, in place of the user's settings, such as text by LaTeX."""
+    from matplotlib import rc_context, rcdefaults, rcParams
+
+    with rc_context():
+        rcdefaults()
+        rcParams.update(style)
+        yield
 
 
 def entitle(axes: "Axes", message: str, columns: int = 0) -> None:

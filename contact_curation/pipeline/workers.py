@@ -2,8 +2,10 @@
 
 import multiprocessing
 import multiprocessing.connection
+import multiprocessing.context
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -12,6 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple, Protocol
 
 from contact_curation.configs import whole_number
@@ -250,8 +253,7 @@ def _in_parallel[Input, Result](
     """Yields the place and the result of each input, until all are done or a process dies; returns those without a result."""
     coming = deque(places)
     # Forking a process whose libraries have threads can hang: start fresh ones.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_end_with_the_parent) as executor:
+    with ProcessPoolExecutor(jobs, mp_context=_WorkerContext(), initializer=_end_with_the_parent) as executor:
         under_way: dict[Future[Counted[Result]], int] = {}
         try:
             while coming or under_way:
@@ -275,6 +277,26 @@ def _in_parallel[Input, Result](
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
     return Unfinished([], [])
+
+
+_START = threading.Lock()
+
+
+class _Worker(multiprocessing.context.SpawnProcess):
+    """A fresh process that does not begin with the user's script, which may have no `if __name__ == "__main__"`."""
+
+    def start(self) -> None:
+        with _START:  # of several threads, each would put back what another one had put there
+            script = sys.modules["__main__"]
+            sys.modules["__main__"] = ModuleType("__main__")
+            try:
+                super().start()
+            finally:
+                sys.modules["__main__"] = script
+
+
+class _WorkerContext(multiprocessing.context.SpawnContext):
+    Process = _Worker
 
 
 def counted_work[Input, Result](work: Callable[[Input, Advance], Result], one: Input) -> Counted[Result]:

@@ -263,9 +263,11 @@ def test_a_name_that_no_terminal_can_show_is_shown_in_escapes(encoding: str, gol
     as_json = subprocess.run([*command, "--json"], env=environment, capture_output=True, check=False)
     assert as_json.returncode == 0
     assert os.fsencode(json.loads(as_json.stdout)["inputs"][0]["path"]) == bag
-    manifest = subprocess.run([*command, "--out", tmp_path / "m.csv"], env=environment, capture_output=True, check=False)
+    options: list[str | bytes | Path] = ["--out", tmp_path / "m.csv", "--index", tmp_path / "index"]
+    manifest = subprocess.run([*command, *options], env=environment, capture_output=True, check=False)
     assert manifest.returncode == 1
     assert b"expected names and paths that are Unicode" in manifest.stderr
+    assert not any((tmp_path / "index").glob("*/*")), "it is said before the work"
     assert len(manifest.stderr) < 1000
 
 

@@ -1,11 +1,15 @@
 """`simulate`: throws become a bag, and the bag is ranked like any other recording."""
 
 import json
+from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from contact_curation.cli.simulate import _made_up_time
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
 from contact_curation.storage.throws_file import write_throws
@@ -94,3 +98,15 @@ def test_bags_of_other_throws_have_tosses_of_other_ids(cli: Cli, throws: Path, t
         ids.append({row["toss_id"] for row in json.loads(manifest.read_text())["tosses"]})
     assert not ids[0] & ids[1]
     assert ids[1] == ids[2]
+
+
+def test_thousands_of_bags_have_tosses_of_other_ids() -> None:
+    """Bags that begin at the same time would lose tosses when they are ranked together."""
+    throws = [throw_of_state("throw-0", "cube", STATES[0])]
+    slippery = replace(CONTACTNETS_CUBE, friction=0.1)
+    said = [
+        (body, Namespace(execution_noise=True, seed=seed, settings=[]))
+        for body in (CONTACTNETS_CUBE, slippery)
+        for seed in range(2000)
+    ]
+    assert len({_made_up_time(body, throws, arguments) for body, arguments in said}) == len(said)

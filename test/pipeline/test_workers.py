@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -141,6 +142,33 @@ def test_workers_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     parent.kill()
     parent.wait()
     wait_until(lambda: not any(alive(pid) for pid in workers))
+
+
+UNGUARDED = """
+import sys
+from pathlib import Path
+from contact_curation.pipeline.workers import each, unheard
+from test.pipeline.test_workers import length
+print("begins")
+print(list(each(length, [Path(sys.argv[1]), Path(sys.argv[1])], 2, unheard)))
+"""
+
+
+@pytest.mark.parametrize("from_standard_input", [False, True])
+def test_a_script_needs_no_guard(from_standard_input: bool, tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED)
+    command = [sys.executable, "-" if from_standard_input else str(script), str(script)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, input=UNGUARDED, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == f"begins\n[{len(UNGUARDED)}, {len(UNGUARDED)}]\n", done.stderr
+
+
+def test_threads_that_start_workers_at_once_leave_the_script_as_it_is() -> None:
+    script = sys.modules["__main__"]
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(lambda _: list(each(squared, [3, 3], 2, unheard)), range(4))) == [[9, 9]] * 4
+    assert sys.modules["__main__"] is script
 
 
 def wait_until(holds: Callable[[], bool], seconds: float = 30.0) -> None:

@@ -37,7 +37,7 @@ from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import form_of, thetas_of
 from contact_curation.pipeline.workers import Engine
-from contact_curation.storage.manifest.file import FORMATS, provenance_of
+from contact_curation.storage.manifest.file import FORMATS, check_names, provenance_of
 from contact_curation.storage.outputs import CSV
 
 STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
@@ -161,6 +161,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, rrd=arguments.rrd)
     if arguments.out and arguments.out.suffix == CSV:
         check_outputs(overwrite=arguments.overwrite, out=provenance_of(arguments.out))
+    if arguments.out:
+        check_names((*arguments.command, *map(str, arguments.inputs)))
     config = rank_config(arguments)
     dashboard = dashboard_of(arguments, config)
     try:

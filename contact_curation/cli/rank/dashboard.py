@@ -7,12 +7,14 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.stop_signals import StopSignals
-from contact_curation.files import partial_name
+from contact_curation.errors import ContactCurationError
+from contact_curation.files import scratch_folder, writing
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
 from contact_curation.pipeline.pool import TossPool
@@ -70,11 +72,18 @@ class RankDashboard:
         self._inputs: Sequence[Path] = arguments.inputs
         port = arguments.web_port if arguments.dashboard else 0
         self._recording: Path | None = arguments.rrd
-        self._partial = self._recording and partial_name(self._recording).with_suffix(self._recording.suffix)
-        self._serving: ServingConfig = ServingConfig(
-            port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
-        )
-        self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
+        self._partial: Path | None = None
+        self._scratch = ExitStack()
+        if self._recording:
+            self._partial = self._scratch.enter_context(scratch_folder(self._recording)) / self._recording.name
+        try:
+            self._serving: ServingConfig = ServingConfig(
+                port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
+            )
+            self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
+        except ContactCurationError:
+            self.drop()
+            raise
 
     def show(self, pool: TossPool, curation: Curation) -> None:
         """Writes the ranking; call it while the factors of the pool can be read."""
@@ -94,7 +103,11 @@ class RankDashboard:
         )
 
     def end(self) -> None:
-        """Serves the dashboard until Ctrl-C or SIGTERM if requested, and closes it."""
+        """Serves the dashboard until Ctrl-C or SIGTERM if requested, and closes it.
+
+        Raises:
+            UnwritableOutputError: the file is not whole.
+        """
         from contact_curation.dashboard.live.serving import BLUEPRINT, close_screen
 
         if self._serving.web_port:
@@ -103,18 +116,17 @@ class RankDashboard:
                 print(f"dashboard at {self._serving.address} (Ctrl-C ends it)", file=sys.stderr, flush=True)
                 while not signals.wanted:
                     time.sleep(POLL)
-        close_screen(self._screen)
-        if self._partial and self._recording:
+        if not (self._partial and self._recording):
+            close_screen(self._screen)
+            return
+        with writing(self._recording):
+            close_screen(self._screen)
             for ending in (self._recording.suffix, BLUEPRINT):
                 self._partial.with_suffix(ending).replace(self._recording.with_suffix(ending))
 
     def drop(self) -> None:
         """Removes an incomplete file; the file of an earlier dashboard stays."""
-        if self._partial:
-            from contact_curation.dashboard.live.serving import BLUEPRINT
-
-            for ending in (self._partial.suffix, BLUEPRINT):
-                self._partial.with_suffix(ending).unlink(missing_ok=True)
+        self._scratch.close()
 
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:

@@ -14,6 +14,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from contact_curation.dashboard.live.recorded_file import RecordedFile
 from contact_curation.dashboard.live.web_viewer import WebViewer
 from contact_curation.dashboard.style import Colour
 from contact_curation.geometry.quaternions import Array
@@ -64,11 +65,13 @@ class Screen:
     Args:
         stream: stream of Rerun.
         viewer: page that shows it; None where none is served.
+        file: file that it is written to; None for none.
     """
 
-    def __init__(self, stream: rr.RecordingStream, viewer: WebViewer | None = None) -> None:
+    def __init__(self, stream: rr.RecordingStream, viewer: WebViewer | None = None, file: RecordedFile | None = None) -> None:
         self.stream = stream
         self.viewer = viewer
+        self.file = file
         self._dates: bool | None = None
 
     def at(self, moment: Moment) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+from contact_curation.dashboard.live.recorded_file import RecordedFile
 from contact_curation.dashboard.live.screen import Screen
 from contact_curation.dashboard.live.web_viewer import POLL, WebViewer, listens
 from contact_curation.errors import InvalidValueError
@@ -89,8 +90,9 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
     stream = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_PERIOD))
     sinks: list[rr.GrpcServerSink | rr.FileSink] = []
     viewer: WebViewer | None = None
-    if config.recording is not None:
-        sinks.append(_file_sink(config.recording, config.index))
+    file = None if config.recording is None else RecordedFile(config.recording)
+    if file is not None:
+        sinks.append(rr.FileSink(file.pipe, write_footer=config.index))
     if config.web_port:
         for name, port in (("web_port", config.web_port), ("grpc_port", config.grpc_port)):
             _check_port(name, config.bind, port)
@@ -100,29 +102,36 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
         )
         viewer = WebViewer(config.bind, config.web_port, config.data)
     stream.set_sinks(*sinks, default_blueprint=layout)
+    if file is not None:
+        file.opened()
     if viewer is not None and not _data_served(config.grpc_port):
         viewer.close()
         found = f"{config.bind}:{config.grpc_port} (Address already in use)"
         raise InvalidValueError("grpc_port", found, "a free port of this machine")
     if config.recording is not None:
-        layout.save(APPLICATION, config.recording.with_suffix(BLUEPRINT))
-    return Screen(stream, viewer)
+        _save(layout, config.recording.with_suffix(BLUEPRINT))
+    return Screen(stream, viewer, file)
 
 
 def close_screen(screen: Screen) -> None:
-    """Writes what is still on its way and lets go of the file and the servers."""
+    """Writes what is still on its way and lets go of the file and the servers.
+
+    Raises:
+        UnwritableOutputError: the file is not whole.
+    """
     screen.stream.flush()
     screen.stream.disconnect()
     if screen.viewer is not None:
         screen.viewer.close()
+    if screen.file is not None:
+        screen.file.finish()
 
 
-def _file_sink(path: Path, index: bool) -> rr.FileSink:
-    try:
-        path.open("ab").close()
-    except OSError as error:
-        raise InvalidValueError("rrd", path, f"a path that can be written ({error.strerror})") from error
-    return rr.FileSink(path, write_footer=index)
+def _save(layout: rrb.Blueprint, path: Path) -> None:
+    file = RecordedFile(path)
+    layout.save(APPLICATION, file.pipe)
+    file.opened()
+    file.finish()
 
 
 def _data_served(port: int) -> bool:

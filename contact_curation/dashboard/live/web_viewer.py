@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NoReturn
@@ -94,10 +95,17 @@ def listens(process: int, port: int) -> bool:
     """Whether a process listens at a TCP port, as Linux says it: another one may answer there."""
     rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
     sockets = {f"socket:[{row[9]}]" for row in rows if row[3] == LISTENS and int(row[1].rpartition(":")[2], 16) == port}
+    with suppress(OSError):  # it has ended
+        return any(_target(one) in sockets for one in Path(f"/proc/{process}/fd").iterdir())
+    return False
+
+
+def _target(descriptor: Path) -> str:
+    """What a descriptor of a process is; empty for one that is closed, such as that by which this process lists its own."""
     try:
-        return any(str(one.readlink()) in sockets for one in Path(f"/proc/{process}/fd").iterdir())
-    except OSError:  # it has closed one, or has ended
-        return False
+        return str(descriptor.readlink())
+    except OSError:
+        return ""
 
 
 def become(parent: int, command: list[str]) -> NoReturn:

@@ -1,8 +1,8 @@
 """The index: what was read and scored before, so that a second ranking reads and scores only what changed.
 
 Two shards a recording: its tosses under rules of reading, and their scores at a theta. Their names are digests of all that they
-follow from. Of a recording that is what the file system says of each of its files: size and time of change, of a file on a
-server its ETag; so nothing is read to see that nothing changed.
+follow from. Of a recording that is what the file system says of each of its files: size and times of change, of a file on a
+server its ETag. `mtime` can be set, as copies do, `ctime` cannot. So nothing is read to see that nothing changed.
 
     DIR/tosses/DIGEST.parquet    DIR/scores/DIGEST.parquet
 """
@@ -20,6 +20,7 @@ from contact_curation.information.scoring import NotScored
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.storage.addresses import Address
+from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.provenance import SeenToss, TossProvenance
 from contact_curation.storage.shards import Shard, ShardRow, shard_at, writing_shard
 from contact_curation.storage.stores.information import packed_information, unpacked_information
@@ -174,9 +175,12 @@ def _digest(*parts: object) -> str:
 
 
 def _files(path: Path) -> list[Path]:
+    """The files of a recording; of the folders in its folder only that of ContactNets' tosses belongs to it."""
     if not path.is_dir():
         return [path]
-    return [file for entry in sorted(path.iterdir()) for file in _files(entry)]
+    entries = sorted(path.iterdir())
+    tosses = [one for folder in entries if folder.name == SUBFOLDER and folder.is_dir() for one in sorted(folder.iterdir())]
+    return [one for one in (*entries, *tosses) if one.is_file()]
 
 
 def _state(file: Path) -> tuple[str, object, object]:
@@ -184,7 +188,7 @@ def _state(file: Path) -> tuple[str, object, object]:
     if isinstance(file, Address):
         return str(file), file.facts.get("size"), file.fingerprint()
     status = file.stat()
-    return str(file.absolute()), status.st_size, status.st_mtime_ns
+    return str(file.absolute()), status.st_size, (status.st_mtime_ns, status.st_ctime_ns)
 
 
 def _note(reading: Reading) -> dict[str, Any]:

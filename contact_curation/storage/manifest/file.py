@@ -305,6 +305,19 @@ FORMATS = {
 }
 
 
+def check_names(names: Iterable[str]) -> None:
+    """Refuses names that no manifest can hold.
+
+    Raises:
+        InvalidValueError: one is not Unicode.
+    """
+    for name in names:
+        try:
+            name.encode()
+        except UnicodeEncodeError as error:
+            raise InvalidValueError("manifest", f"{name!r} in it", "names and paths that are Unicode") from error
+
+
 def write_manifest(manifest: Manifest, path: Path) -> None:
     """Writes a manifest, whole or not at all; the same manifest always gives the same bytes.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 
 from contact_curation.dashboard.figures.ranking import RankingPicture, save_ranking_figure
 from contact_curation.errors import InvalidValueError
@@ -37,6 +38,14 @@ def size_of_png(path: Path) -> tuple[int, int]:
 def test_it_is_1600_by_1000(tmp_path: Path) -> None:
     save_ranking_figure(picture(), tmp_path / "figure.png")
     assert size_of_png(tmp_path / "figure.png") == (1600, 1000)
+
+
+def test_settings_of_the_user_do_not_change_it(tmp_path: Path) -> None:
+    """Of a matplotlibrc, such as text by LaTeX, which need not be installed and takes names of files for formulas."""
+    save_ranking_figure(picture(), tmp_path / "plain.png")
+    with rc_context({"text.usetex": True, "savefig.dpi": 30, "axes.facecolor": "black"}):
+        save_ranking_figure(picture(), tmp_path / "own.png")
+    assert (tmp_path / "own.png").read_bytes() == (tmp_path / "plain.png").read_bytes()
 
 
 def test_every_criterion_has_its_unit() -> None:

@@ -20,6 +20,7 @@ from contact_curation.dashboard.live.layout import live_layout, ranking_layout
 from contact_curation.dashboard.live.screen import Moment
 from contact_curation.dashboard.live.serving import HERE, ServingConfig, close_screen, open_screen
 from contact_curation.dashboard.live.web_viewer import WebViewer
+from contact_curation.dashboard.live.web_viewer import listens as listens_in
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from test.dashboard.recorded import Recorded
 from test.listeners import beyond_loopback, family, listeners_of
@@ -163,6 +164,43 @@ def test_a_port_that_is_taken_is_one_line(taken_port: int, name: str) -> None:
 def test_a_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match=r"rrd: found .*nowhere"):
         open_screen(ServingConfig(0, recording=tmp_path / "nowhere" / "a.rrd"), live_layout(CONTACTNETS_CUBE))
+
+
+def test_a_server_is_seen_where_a_lower_descriptor_is_free() -> None:
+    free, kept = os.pipe()
+    with socket.socket() as server:
+        server.bind((HERE, 0))
+        server.listen()
+        os.close(free)  # as standard input that is closed
+        assert listens_in(os.getpid(), server.getsockname()[1])
+    os.close(kept)
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.dashboard.live.layout import live_layout
+from contact_curation.dashboard.live.serving import ServingConfig, close_screen, open_screen
+room = int(sys.argv[2])
+resource.setrlimit(resource.RLIMIT_FSIZE, (room, room))
+try:
+    screen = open_screen(ServingConfig(0, recording=Path(sys.argv[1])), live_layout(CONTACTNETS_CUBE))
+    for number in range(100):
+        screen.text(f"page/{number}", "hello" * 1000)
+    close_screen(screen)
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+
+
+@pytest.mark.parametrize(("room", "ending"), [(1000, ".rbl"), (200_000, ".rrd")])
+def test_a_disk_that_is_full_is_one_line_and_does_not_hang(room: int, ending: str, tmp_path: Path) -> None:
+    path = tmp_path / "full.rrd"
+    done = subprocess.run([sys.executable, "-c", FULL, str(path), str(room)], capture_output=True, text=True, timeout=120)
+    found = f"output: found {path.with_suffix(ending)}, expected a path that can be written (File too large)"
+    assert done.stdout == f"UnwritableOutputError {found}\n"
+    assert done.returncode == 0
 
 
 def test_a_dashboard_that_goes_nowhere_or_to_one_port_twice_is_refused() -> None:

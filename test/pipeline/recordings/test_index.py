@@ -12,6 +12,8 @@ import pytest
 
 from contact_curation.pipeline import scoring
 from contact_curation.pipeline.reading import InputReader
+from contact_curation.pipeline.recordings.index import _files
+from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.shards import ShardRow, shard_at, writing_shard
 from test.cli.commands import Cli
 from test.storage.inputs.test_inputs import mcap_file
@@ -90,6 +92,30 @@ def test_a_recording_that_is_new_or_changed_costs_itself_alone(cli: Cli, bags: P
     work.clear()
     ranked(cli, bags, *index)
     assert [name for name in work if name != "scored"] == ["b.mcap", "c.mcap"]
+
+
+def test_a_recording_replaced_by_one_of_equal_size_and_mtime_is_read(cli: Cli, bags: Path, work: Work, tmp_path: Path) -> None:
+    index = ("--index", tmp_path / "index")
+    ranked(cli, bags, *index)
+    before = (bags / "b.mcap").stat()
+    (bags / "b.mcap").write_bytes((bags / "b.mcap").read_bytes())
+    os.utime(bags / "b.mcap", ns=(before.st_atime_ns, before.st_mtime_ns))  # as `cp -p` does
+    work.clear()
+    ranked(cli, bags, *index)
+    assert work == ["b.mcap", "scored"]
+
+
+def test_folders_in_a_recording_are_not_walked(bags: Path) -> None:
+    """Links to itself in a folder would be followed 2^40 times."""
+    before = _files(bags)
+    for name in ("latest", "current"):
+        (bags / name).symlink_to(".")
+    (bags / "nothing.mcap").symlink_to("nowhere")
+    assert _files(bags) == before == [bags / "a.mcap", bags / "b.mcap"]
+    tosses = bags / SUBFOLDER / "0.pt"
+    tosses.parent.mkdir()
+    tosses.touch()
+    assert _files(bags) == [*before, tosses]
 
 
 def test_a_damaged_shard_is_written_anew(cli: Cli, bags: Path, work: Work, tmp_path: Path) -> None:
