@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.comparison.intervals import LEAST_SEEDS
@@ -15,6 +16,7 @@ from contact_curation.experiments.comparison.page import pages_of
 from contact_curation.experiments.counterfactuals.correlations import ALL_BODIES, correlations, table_of
 from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.table import read_refits
+from contact_curation.experiments.engines import MEASURES
 from contact_curation.experiments.thrown.page import page_of as page_of_throws
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
@@ -445,6 +447,50 @@ def test_from_theta_0_too() -> None:
                 str(sum(min(sign * float(row["low"]), sign * float(row["high"])) > 0.0 for row in own)) if own else ""
             )
         assert cells == counts, line
+
+
+def certain_by_students(name: str, rule: str) -> int:
+    """In how many means the rule is better than random by Student's t over the means of the seeds."""
+    found = {(row["body"], row["size"], row["rule"], row["seed"]): row for row in rows(name)}
+    cells, certain = {(body, size) for body, size, of, _ in found if of == "log-det"}, 0
+    for body, size in cells:
+        for measure in MEASURES:
+            differences = np.array([float(found[body, size, rule, seed][measure]) - float(row[measure])
+                                    for (*cell, seed), row in found.items() if cell == [body, size, "random"]])  # fmt: skip
+            certain += float(ttest_1samp(differences, 0.0, alternative="less").pvalue) < 0.025
+    return certain
+
+
+def test_by_students_t_so_many_means_are_certain_as_the_page_says() -> None:
+    told = re.search(r"in (\d+) of\s+80 means at the fit and in (\d+) of 40 from theta_0, `log-det` in (\d+) and (\d+)\.",
+                     PAGE.read_text())  # fmt: skip
+    assert told
+    counts = [
+        certain_by_students(name, rule) for rule in ("representative", "log-det") for name in (AT_FIT[0], FROM_THETA_0[0])
+    ]
+    assert list(map(int, told.groups())) == counts
+
+
+def test_differences_of_networks_are_medians_and_ranges_of_five_seeds() -> None:
+    text, counted = section("Networks"), 0
+    for name, table in zip(
+        ("networks", "networks_published", "networks_published"),
+        re.findall(r"^\| rotation °? ?of \| less \|.*?\n\n", text, re.DOTALL | re.MULTILINE),
+        strict=True,
+    ):
+        heads, _, *lines = ([cell.strip(" `") for cell in line.strip("|").split("|")] for line in table.strip().splitlines())
+        own = {(row["model"], row["size"], row["rule"], row["seed"]): float(row["rotation"]) for row in rows(name)}
+        models = [head for head in heads if head in ("deep", "deepvertex", "end_to_end")]
+        for place, line in enumerate(lines):
+            rule, minus = lines[place - place % 3][:2]
+            for model, cell in zip(models, line[-len(models) :], strict=True):
+                if cell != "—":
+                    size = ("8", "16", "32")[place % 3]
+                    each = [own[model, size, rule, str(seed)] - own[model, size, minus, str(seed)] for seed in range(5)]
+                    said = [float(number) for number in re.findall(r"[+-][0-9.]+", cell)]
+                    assert said == pytest.approx([np.median(each), min(each), max(each)], abs=0.051), (line, model)
+                    counted += 1
+    assert counted == 114
 
 
 @pytest.mark.parametrize("stored", [AT_FIT, BY_COUNTERFACTUALS, FROM_THETA_0])
