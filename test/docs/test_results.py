@@ -2,7 +2,8 @@
 
 import csv
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.table import read_refits
 from contact_curation.experiments.engines import MEASURES
 from contact_curation.experiments.thrown.page import page_of as page_of_throws
+from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -53,6 +55,7 @@ class Said(NamedTuple):
     number: str
 
 
+@cache
 def rows(name: str) -> Rows:
     with (ROWS / f"{name}.csv").open(newline="") as file:
         return list(csv.DictReader(file))
@@ -399,20 +402,37 @@ def test_the_errors_of_rules_at_the_fit_are_means_of_the_stored_rows() -> None:
             assert float(np.mean(own)) == pytest.approx(float(cell), abs=0.051), line
 
 
-def worth_of(name: str) -> dict[int, list[float]]:
-    """By the size of a selected set, how many random tosses it predicts like: of bodies, judges, position and rotation."""
+def worth_of(name: str, drawn: Sequence[Array] | None = None) -> dict[int, list[float]]:
+    """By the size of a selected set, how many random tosses it predicts like: of bodies, judges, position and rotation.
+
+    Args:
+        name: of the stored rows.
+        drawn: for each body which of its seeds the means are over; None for all of them once.
+    """
     found, sizes = rows(name), np.array([4, 8, 16, 32])
     worth: dict[int, list[float]] = {4: [], 8: []}
-    for body in {row["body"] for row in found}:
+    for place, body in enumerate(sorted({row["body"] for row in found})):
+        own = [row for row in found if row["body"] == body]
         for measure in ("ours_position", "ours_rotation", "mujoco_position", "mujoco_rotation"):
-            mean = {(rule, size): float(np.mean([float(row[measure]) for row in found
-                                                 if (row["body"], row["rule"], row["size"]) == (body, rule, str(size))]))
-                    for rule, wanted in (("random", sizes), ("representative", worth)) for size in wanted}  # fmt: skip
+            mean = {}
+            for rule, wanted in (("random", sizes), ("representative", worth)):
+                for size in wanted:
+                    values = {int(row["seed"]): float(row[measure]) for row in own
+                              if (row["rule"], row["size"]) == (rule, str(size))}  # fmt: skip
+                    mean[rule, size] = float(np.mean([values[seed] for seed in (drawn[place] if drawn else values)]))
             errors = np.minimum.accumulate([mean["random", size] for size in sizes])
-            for size, values in worth.items():
+            for size, found_like in worth.items():
                 like = np.interp(-mean["representative", size], -errors, np.log2(sizes), right=6.0)
-                values.append(float(2.0**like))
+                found_like.append(float(2.0**like))
     return worth
+
+
+def worth_over_seeds(name: str) -> dict[int, tuple[float, float]]:
+    """95 % intervals of the median worth over resampled seeds of each body."""
+    rng = np.random.default_rng(0)
+    drawn = [worth_of(name, list(rng.integers(10, size=(5, 10)))) for _ in range(200)]
+    ends = {size: np.quantile([np.median(one[size]) for one in drawn], [0.025, 0.975]) for size in (4, 8)}
+    return {size: (float(low), float(high)) for size, (low, high) in ends.items()}
 
 
 def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> None:
@@ -422,6 +442,10 @@ def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> Non
     assert min(worth[4]) > 8.5
     assert 26.0 < max(worth[4]) < 27.0
     assert min(worth[8]) > 9.5
+    assert worth_over_seeds("criteria_at_fit") == {
+        4: pytest.approx((10.5, 15.5), abs=1.0),
+        8: pytest.approx((21.5, 64.0), abs=2.0),
+    }
 
 
 def test_from_theta_0_too() -> None:
@@ -431,6 +455,10 @@ def test_from_theta_0_too() -> None:
     assert max(worth[4]) == pytest.approx(19.0, abs=0.5)
     assert np.median(worth[8]) > 31.0
     assert min(worth[8]) == pytest.approx(10.0, abs=0.5)
+    assert worth_over_seeds(FROM_THETA_0[0]) == {
+        4: pytest.approx((8.0, 12.7), abs=0.5),
+        8: pytest.approx((24.6, 64.0), abs=1.5),
+    }
     told = re.search(
         r"^\| rule \| better than random \|.*?\n\n", section("And from theta_0, as in use"), re.DOTALL | re.MULTILINE
     )
