@@ -521,6 +521,20 @@ def test_differences_of_networks_are_medians_and_ranges_of_five_seeds() -> None:
     assert counted == 114
 
 
+def test_the_fourth_sentence_says_where_log_det_is_ahead_of_the_default() -> None:
+    told = re.search(r"better in (\d+) of 80 means, and behind `log-det` for certain in (\d+), (\d+) of them.*? "
+                     r"by up to ([\d.]+)° and ([\d.]+) points", " ".join(PAGE.read_text().split()))  # fmt: skip
+    assert told
+    better = [row for row in rows(AT_FIT[1]) if float(row["high"]) < 0.0]
+    gains = [row for row in better if (row["rule"], row["minus"]) == ("representative", "random")]
+    ahead = [row for row in better if (row["rule"], row["minus"]) == ("log-det", "representative")]
+    irregular = [row for row in ahead if row["body"] == "irregular"]
+    assert [int(number) for number in told.groups()[:3]] == [len(gains), len(ahead), len(irregular)]
+    for kind, number in zip(("rotation", "position"), told.groups()[3:], strict=True):
+        most = max(-float(row["difference"]) for row in ahead if row["measure"].endswith(kind))
+        assert most == pytest.approx(float(number), abs=0.051)
+
+
 def test_errors_of_8_selected_tosses_are_larger_than_those_of_all_as_the_page_says() -> None:
     text = section("Which sets are best with the right noise and one geometry")
     told = re.search(r"In MuJoCo their errors are larger than its by(.*?)\. In our rollouts.*?larger by (.*?) on the square, "
