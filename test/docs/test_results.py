@@ -3,12 +3,14 @@
 import csv
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from scipy.stats import ttest_1samp
 
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.comparison.intervals import LEAST_SEEDS
@@ -16,7 +18,9 @@ from contact_curation.experiments.comparison.page import pages_of
 from contact_curation.experiments.counterfactuals.correlations import ALL_BODIES, correlations, table_of
 from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.table import read_refits
+from contact_curation.experiments.engines import MEASURES
 from contact_curation.experiments.thrown.page import page_of as page_of_throws
+from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -52,6 +56,7 @@ class Said(NamedTuple):
     number: str
 
 
+@cache
 def rows(name: str) -> Rows:
     with (ROWS / f"{name}.csv").open(newline="") as file:
         return list(csv.DictReader(file))
@@ -398,20 +403,37 @@ def test_the_errors_of_rules_at_the_fit_are_means_of_the_stored_rows() -> None:
             assert float(np.mean(own)) == pytest.approx(float(cell), abs=0.051), line
 
 
-def worth_of(name: str) -> dict[int, list[float]]:
-    """By the size of a selected set, how many random tosses it predicts like: of bodies, judges, position and rotation."""
+def worth_of(name: str, drawn: Sequence[Array] | None = None) -> dict[int, list[float]]:
+    """By the size of a selected set, how many random tosses it predicts like: of bodies, judges, position and rotation.
+
+    Args:
+        name: of the stored rows.
+        drawn: for each body which of its seeds the means are over; None for all of them once.
+    """
     found, sizes = rows(name), np.array([4, 8, 16, 32])
     worth: dict[int, list[float]] = {4: [], 8: []}
-    for body in {row["body"] for row in found}:
+    for place, body in enumerate(sorted({row["body"] for row in found})):
+        own = [row for row in found if row["body"] == body]
         for measure in ("ours_position", "ours_rotation", "mujoco_position", "mujoco_rotation"):
-            mean = {(rule, size): float(np.mean([float(row[measure]) for row in found
-                                                 if (row["body"], row["rule"], row["size"]) == (body, rule, str(size))]))
-                    for rule, wanted in (("random", sizes), ("representative", worth)) for size in wanted}  # fmt: skip
+            mean = {}
+            for rule, wanted in (("random", sizes), ("representative", worth)):
+                for size in wanted:
+                    values = {int(row["seed"]): float(row[measure]) for row in own
+                              if (row["rule"], row["size"]) == (rule, str(size))}  # fmt: skip
+                    mean[rule, size] = float(np.mean([values[seed] for seed in (drawn[place] if drawn else values)]))
             errors = np.minimum.accumulate([mean["random", size] for size in sizes])
-            for size, values in worth.items():
+            for size, found_like in worth.items():
                 like = np.interp(-mean["representative", size], -errors, np.log2(sizes), right=6.0)
-                values.append(float(2.0**like))
+                found_like.append(float(2.0**like))
     return worth
+
+
+def worth_over_seeds(name: str) -> dict[int, tuple[float, float]]:
+    """95 % intervals of the median worth over resampled seeds of each body."""
+    rng = np.random.default_rng(0)
+    drawn = [worth_of(name, list(rng.integers(10, size=(5, 10)))) for _ in range(200)]
+    ends = {size: np.quantile([np.median(one[size]) for one in drawn], [0.025, 0.975]) for size in (4, 8)}
+    return {size: (float(low), float(high)) for size, (low, high) in ends.items()}
 
 
 def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> None:
@@ -421,6 +443,10 @@ def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> Non
     assert min(worth[4]) > 8.5
     assert 26.0 < max(worth[4]) < 27.0
     assert min(worth[8]) > 9.5
+    assert worth_over_seeds("criteria_at_fit") == {
+        4: pytest.approx((10.5, 15.5), abs=1.0),
+        8: pytest.approx((21.5, 64.0), abs=2.0),
+    }
 
 
 def test_from_theta_0_too() -> None:
@@ -430,6 +456,10 @@ def test_from_theta_0_too() -> None:
     assert max(worth[4]) == pytest.approx(19.0, abs=0.5)
     assert np.median(worth[8]) > 31.0
     assert min(worth[8]) == pytest.approx(10.0, abs=0.5)
+    assert worth_over_seeds(FROM_THETA_0[0]) == {
+        4: pytest.approx((8.0, 12.7), abs=0.5),
+        8: pytest.approx((24.6, 64.0), abs=1.5),
+    }
     told = re.search(
         r"^\| rule \| better than random \|.*?\n\n", section("And from theta_0, as in use"), re.DOTALL | re.MULTILINE
     )
@@ -446,6 +476,86 @@ def test_from_theta_0_too() -> None:
                 str(sum(min(sign * float(row["low"]), sign * float(row["high"])) > 0.0 for row in own)) if own else ""
             )
         assert cells == counts, line
+
+
+def certain_by_students(name: str, rule: str) -> int:
+    """In how many means the rule is better than random by Student's t over the means of the seeds."""
+    found = {(row["body"], row["size"], row["rule"], row["seed"]): row for row in rows(name)}
+    cells, certain = {(body, size) for body, size, of, _ in found if of == "log-det"}, 0
+    for body, size in cells:
+        for measure in MEASURES:
+            differences = np.array([float(found[body, size, rule, seed][measure]) - float(row[measure])
+                                    for (*cell, seed), row in found.items() if cell == [body, size, "random"]])  # fmt: skip
+            certain += float(ttest_1samp(differences, 0.0, alternative="less").pvalue) < 0.025
+    return certain
+
+
+def test_by_students_t_so_many_means_are_certain_as_the_page_says() -> None:
+    told = re.search(r"in (\d+) of\s+80 means at the fit and in (\d+) of 40 from theta_0, `log-det` in (\d+) and (\d+)\.",
+                     PAGE.read_text())  # fmt: skip
+    assert told
+    counts = [
+        certain_by_students(name, rule) for rule in ("representative", "log-det") for name in (AT_FIT[0], FROM_THETA_0[0])
+    ]
+    assert list(map(int, told.groups())) == counts
+
+
+def test_differences_of_networks_are_medians_and_ranges_of_five_seeds() -> None:
+    text, counted = section("Networks"), 0
+    for name, table in zip(
+        ("networks", "networks_published", "networks_published"),
+        re.findall(r"^\| rotation °? ?of \| less \|.*?\n\n", text, re.DOTALL | re.MULTILINE),
+        strict=True,
+    ):
+        heads, _, *lines = ([cell.strip(" `") for cell in line.strip("|").split("|")] for line in table.strip().splitlines())
+        own = {(row["model"], row["size"], row["rule"], row["seed"]): float(row["rotation"]) for row in rows(name)}
+        models = [head for head in heads if head in ("deep", "deepvertex", "end_to_end")]
+        for place, line in enumerate(lines):
+            rule, minus = lines[place - place % 3][:2]
+            for model, cell in zip(models, line[-len(models) :], strict=True):
+                if cell != "—":
+                    size = ("8", "16", "32")[place % 3]
+                    each = [own[model, size, rule, str(seed)] - own[model, size, minus, str(seed)] for seed in range(5)]
+                    said = [float(number) for number in re.findall(r"[+-][0-9.]+", cell)]
+                    assert said == pytest.approx([np.median(each), min(each), max(each)], abs=0.051), (line, model)
+                    counted += 1
+    assert counted == 114
+
+
+def test_the_fourth_sentence_says_where_log_det_is_ahead_of_the_default() -> None:
+    told = re.search(r"better in (\d+) of 80 means, and behind `log-det` for certain in (\d+), (\d+) of them.*? "
+                     r"by up to ([\d.]+)° and ([\d.]+) points", " ".join(PAGE.read_text().split()))  # fmt: skip
+    assert told
+    better = [row for row in rows(AT_FIT[1]) if float(row["high"]) < 0.0]
+    gains = [row for row in better if (row["rule"], row["minus"]) == ("representative", "random")]
+    ahead = [row for row in better if (row["rule"], row["minus"]) == ("log-det", "representative")]
+    irregular = [row for row in ahead if row["body"] == "irregular"]
+    assert [int(number) for number in told.groups()[:3]] == [len(gains), len(ahead), len(irregular)]
+    for kind, number in zip(("rotation", "position"), told.groups()[3:], strict=True):
+        most = max(-float(row["difference"]) for row in ahead if row["measure"].endswith(kind))
+        assert most == pytest.approx(float(number), abs=0.051)
+
+
+def test_errors_of_8_selected_tosses_are_larger_than_those_of_all_as_the_page_says() -> None:
+    text = section("Which sets are best with the right noise and one geometry")
+    told = re.search(r"In MuJoCo their errors are larger than its by(.*?)\. In our rollouts.*?larger by (.*?) on the square, "
+                     r"and by\s+(\d+) % at most", text, re.DOTALL)  # fmt: skip
+    assert told
+
+    def excess(body: str, engine: str) -> list[float]:
+        return [100.0 * (mean_of(body, "representative", f"{engine}_{kind}") / mean_of(body, "all", f"{engine}_{kind}") - 1.0)
+                for kind in ("position", "rotation")]  # fmt: skip
+
+    def mean_of(body: str, rule: str, measure: str) -> float:
+        own = (row for row in rows(BY_COUNTERFACTUALS[0]) if (row["body"], row["rule"]) == (body, rule))
+        return float(np.mean([float(row[measure]) for row in own]))
+
+    simulated = [excess(body, "mujoco") for body in ("slab", "wedge", "irregular", "square")]
+    said = [float(number) for number in re.findall(r"\d+", told[1])]
+    assert said == pytest.approx(np.concatenate(simulated).tolist(), abs=0.51)
+    assert [float(number) for number in re.findall(r"\d+", told[2])] == pytest.approx(excess("square", "ours"), abs=0.51)
+    others = max(max(excess(body, "ours")) for body in ("cube", "slab", "wedge", "irregular"))
+    assert others == pytest.approx(float(told[3]), abs=0.51)
 
 
 @pytest.mark.parametrize("stored", [AT_FIT, BY_COUNTERFACTUALS, FROM_THETA_0])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from contact_curation.experiments import bodies
 from contact_curation.experiments.cell_run import Row
@@ -12,7 +13,7 @@ from contact_curation.experiments.comparison.baselines import BASELINES, matched
 from contact_curation.experiments.comparison.intervals import differences, nested_interval
 from contact_curation.experiments.engines import MEASURES
 from contact_curation.information.pool import pool_of
-from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, spread
 from test.cli.commands import Cli
 from test.information.network_cases import tosses
 from test.information.pools import toss
@@ -25,10 +26,20 @@ def test_an_interval_holds_the_mean_as_often_as_it_says_where_seeds_and_judges_b
     for _ in range(120):
         each = [rng.normal(0.0, 1.0) + rng.normal(0.0, 1.0, 15) for _ in range(12)]
         both = nested_interval(each, BootstrapConfig(resamples=300))
-        alone = nested_interval([np.concatenate(each[:6]), np.concatenate(each[6:])], BootstrapConfig(resamples=300))
+        alone = spread(np.concatenate(each), BootstrapConfig(resamples=300)).mean
         held["both"] += both.low < 0.0 < both.high
         held["judges"] += alone.low < 0.0 < alone.high
-    assert held["both"] > 100 > held["judges"]
+    assert held["both"] > 108 > held["judges"]
+
+
+def test_an_interval_over_ten_seeds_is_as_wide_as_students() -> None:
+    rng, ratios = np.random.default_rng(5), []
+    for _ in range(100):
+        each = [rng.normal() + 0.01 * rng.standard_normal(40) for _ in range(10)]
+        found = nested_interval(each, BootstrapConfig(resamples=1000))
+        means = [values.mean() for values in each]
+        ratios.append((found.high - found.low) / (2.0 * t.ppf(0.975, 9) * np.std(means, ddof=1) / np.sqrt(10.0)))
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_difference_is_paired_by_seed_and_judge() -> None:

@@ -2,8 +2,9 @@
 
 A seed's difference is the mean over its judging tosses of rule minus baseline, on the same tosses. Seeds share tosses, and
 each has only so many judges: a resample draws seeds, and within each the judging tosses, both with replacement (Efron and
-Tibshirani 1993, section 8.3). Beside each interval stands the two-sided sign test over the seeds, which assumes no
-distribution, and the same times the number of comparisons (Bonferroni) by that measure, on that body and with the same rule.
+Tibshirani 1993, section 8.3); percentiles are those of a mean of so few seeds (`bootstrap`). Beside each interval stands the
+two-sided sign test over the seeds, which assumes no distribution, and the same times the number of comparisons (Bonferroni) by
+that measure, on that body and with the same rule.
 """
 
 from collections import Counter, defaultdict
@@ -15,7 +16,7 @@ from scipy.stats import binomtest
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.engines import MEASURES
 from contact_curation.geometry.quaternions import Array
-from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, mean_interval
 
 LEAST_SEEDS = 10
 """Fewer seeds have a difference, and no interval."""
@@ -67,15 +68,18 @@ def nested_interval(each: Sequence[Array], config: BootstrapConfig) -> Interval:
     value = float(np.mean([values.mean() for values in each]))
     if len(each) < 2:
         return Interval(value, np.nan, np.nan)
+    return mean_interval(value, resampled_means(each, config), len(each), config)
+
+
+def resampled_means(each: Sequence[Array], config: BootstrapConfig) -> Array:
+    """(R,) means over drawn seeds of the means over drawn judges."""
     rng = np.random.default_rng(config.seed)
     drawn = rng.integers(len(each), size=(config.resamples, len(each)))
     means = np.empty(drawn.shape)
     for seed, values in enumerate(each):
         here = drawn == seed
         means[here] = values[rng.integers(values.size, size=(int(here.sum()), values.size))].mean(axis=1)
-    outside = 0.5 * (1.0 - config.confidence)
-    low, high = np.quantile(means.mean(axis=1), [outside, 1.0 - outside])
-    return Interval(value, float(low), float(high))
+    return np.asarray(means.mean(axis=1))
 
 
 def _values(row: Row, measure: str) -> Array:

@@ -2,6 +2,10 @@
 
 Tosses are drawn with replacement, as many as there are. Two models are compared over the same tosses, by the differences that
 each toss makes: hard tosses are hard for both, so that a difference is far surer than the two figures themselves.
+
+Percentiles of a mean of few values are too close: 95 % ones of 10 normal values hold the true mean in 90 % of the cases. Theirs
+are taken further out, so that the interval of normal values is as wide as Student's (the expanded percentiles of Hesterberg
+2015). Medians need no such correction.
 """
 
 from dataclasses import dataclass
@@ -10,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtr, stdtrit
 
 from contact_curation.configs import set_whole_numbers
 from contact_curation.errors import InvalidValueError
@@ -73,10 +78,19 @@ def spread(values: ArrayLike, config: BootstrapConfig) -> Spread:
         raise InvalidValueError("numbers per toss", found, "at least one, all finite")
     drawn = np.random.default_rng(config.seed).integers(numbers.size, size=(config.resamples, numbers.size))
     resamples = numbers[drawn]  # (R, K)
-    return Spread(
-        _interval(float(np.median(numbers)), np.median(resamples, axis=1), numbers.size, config),
-        _interval(float(numbers.mean()), resamples.mean(axis=1), numbers.size, config),
-    )
+    median, mean = float(np.median(numbers)), float(numbers.mean())
+    if numbers.size < config.fewest:
+        return Spread(Interval(median, np.nan, np.nan), Interval(mean, np.nan, np.nan))
+    outside = 0.5 * (1.0 - config.confidence)
+    low, high = np.quantile(np.median(resamples, axis=1), [outside, 1.0 - outside])
+    return Spread(Interval(median, float(low), float(high)), mean_interval(mean, resamples.mean(axis=1), numbers.size, config))
+
+
+def mean_interval(value: float, means: Array, count: int, config: BootstrapConfig) -> Interval:
+    """Expanded percentiles of resampled means (R,) of a count of values, at least 2."""
+    wider = np.sqrt(count / (count - 1)) * stdtrit(count - 1, 0.5 + 0.5 * config.confidence)
+    low, high = np.quantile(means, [ndtr(-wider), ndtr(wider)])
+    return Interval(value, float(low), float(high))
 
 
 def paired_spread(ours: ArrayLike, theirs: ArrayLike, config: BootstrapConfig) -> Spread:
@@ -89,11 +103,3 @@ def paired_spread(ours: ArrayLike, theirs: ArrayLike, config: BootstrapConfig) -
     if first.shape != second.shape:
         raise InvalidValueError("numbers per toss", f"shapes {first.shape} and {second.shape}", "the same tosses twice")
     return spread(first - second, config)
-
-
-def _interval(value: float, statistics: Array, tosses: int, config: BootstrapConfig) -> Interval:
-    if tosses < config.fewest:
-        return Interval(value, np.nan, np.nan)
-    outside = 0.5 * (1.0 - config.confidence)
-    low, high = np.quantile(statistics, [outside, 1.0 - outside])
-    return Interval(value, float(low), float(high))

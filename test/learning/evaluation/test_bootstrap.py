@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import t
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, paired_spread, spread
@@ -29,6 +30,18 @@ def test_intervals_cover_the_truth_as_often_as_they_promise() -> None:
     medians = np.mean([each.median.low < np.log(2.0) < each.median.high for each in intervals])
     assert 0.83 < means < 0.95
     assert 0.83 < medians < 0.96
+
+
+@pytest.mark.parametrize("count", [6, 10, 20])
+def test_means_of_few_values_have_intervals_as_wide_as_students_and_hold_the_truth_as_often(count: int) -> None:
+    rng, config = np.random.default_rng(count), BootstrapConfig(resamples=1000)
+    drawn = rng.standard_normal((400, count))
+    found = [spread(values, config).mean for values in drawn]
+    held = np.mean([each.low < 0.0 < each.high for each in found])
+    students = 2.0 * t.ppf(0.975, count - 1) * drawn.std(axis=1, ddof=1) / np.sqrt(count)
+    ratios = np.array([each.high - each.low for each in found]) / students
+    assert held == pytest.approx(0.95, abs=0.025)
+    assert np.median(ratios) == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_same_seed_gives_the_same_interval_and_another_one_another() -> None:
