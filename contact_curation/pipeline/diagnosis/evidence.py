@@ -20,6 +20,7 @@ from contact_curation.motion.survey.rigidity import Departure, departure
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
 from contact_curation.motion.survey.sliding import Sliding
+from contact_curation.motion.survey.tracked import TrackedFrame, tracked_frame
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
@@ -211,7 +212,7 @@ class Evidence:
 
         None of bodies that do not move as rigid ones: these turn about no point of theirs.
         """
-        if self.rig is None or self.mass_centre is None or self.departure is not None:
+        if self.rig is None or self.mass_centre is None or self.departure is not None or self.tracked is not None:
             return None
         found = self.mass_centre.seen_from_described(self.rig.rig)
         return found if found.is_elsewhere and found.distance > WORTH_MOVE * size_of(self.body.vertices) else None
@@ -249,6 +250,14 @@ class Evidence:
     def size(self) -> Estimate | None:
         """The body's size over its description's; None where it cannot be told."""
         return None if self.rig is None else size_ratio(self.survey, self.body.polytope, self.rig)
+
+    @cached_property
+    def tracked(self) -> TrackedFrame | None:
+        """The frame that is tracked, where it is another one than the described body's."""
+        if self.fall is None or not self.fall.sound:
+            return None
+        seen = self.center if self.departure is None else None
+        return tracked_frame(self.survey, self.body.vertices, self.body.center_of_mass, seen)
 
     @cached_property
     def period(self) -> float:

@@ -50,6 +50,7 @@ FINDINGS: tuple[Find, ...] = (
     smoothing.rounded,
     orientations.order,
     body.other_unit,
+    body.other_frame,
     body.other_shape,
     poses.noisy,
     body.moving_parts,

@@ -114,7 +114,7 @@ def inertia(evidence: Evidence) -> Finding | None:
 
 
 def _rig(evidence: Evidence) -> RigEstimate | None:
-    return None if other_shape(evidence) is not None else evidence.rig
+    return None if evidence.tracked is not None or other_shape(evidence) is not None else evidence.rig
 
 
 def _finding(evidence: Evidence, rig: RigEstimate, large: bool, what: str) -> Finding:
