@@ -19,6 +19,7 @@ from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_r
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.findings.body import moving_parts, other_frame
+from contact_curation.pipeline.diagnosis.findings.rig import incline
 from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig, center_of_mass_option, settings_of
 from contact_curation.pipeline.wording import counted_tosses
@@ -79,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _warnings(evidence: Evidence) -> Iterator[str]:
     for one in evidence.recordings:
         yield from (f"{one.path}: {line}" for line in (one.unreadable, one.no_topic, *one.losses) if line)
-    yield from (found.line for find in (moving_parts, other_frame) if (found := find(evidence)) is not None)
+    yield from (found.line for find in (moving_parts, other_frame, incline) if (found := find(evidence)) is not None)
     twice = sum(len(one.series) for one in evidence.recordings) - len(evidence.series)
     if twice:
         yield f"{twice} series of poses are in the inputs twice: each counts once"

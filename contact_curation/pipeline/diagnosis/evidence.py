@@ -15,6 +15,7 @@ from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
+from contact_curation.motion.survey.rests import on_board
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
 from contact_curation.motion.survey.rigidity import Departure, departure
 from contact_curation.motion.survey.series import PoseSeries
@@ -154,7 +155,8 @@ class Evidence:
     @cached_property
     def survey(self) -> Survey:
         """Falls and rests in the poses on the board."""
-        return survey([one for _, one in self.series])
+        reach = float(np.linalg.norm(self.body.vertices, axis=1).max())
+        return on_board(survey([one for _, one in self.series]), reach)
 
     @cached_property
     def mass_centre(self) -> MassCentre | None:

@@ -55,6 +55,7 @@ FINDINGS: tuple[Find, ...] = (
     poses.noisy,
     body.moving_parts,
     rig.tilt,
+    rig.incline,
     rig.length_scale,
     body.other_size,
     rig.height,
