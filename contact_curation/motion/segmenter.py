@@ -350,7 +350,8 @@ class TossSegmenter:
         first, second = self._run[-1 - 2 * stride], self._run[-1 - stride]
         settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= bounds.settle_time * NANOSECONDS
         if not settled:  # still the motion before: it bounces, or goes on after a gap
-            self._moved_ns = first.stamp_ns
+            if not self._rules.doubtful or _acceleration(self._run) < -HELD * bounds.gravity:
+                self._moved_ns = first.stamp_ns
         elif self._may_start(first, second):
             self._start, self._still, self._outside = len(self._run) - 1 - 2 * stride, 0, False
             for before, after in pairwise(self._run[self._start :]):

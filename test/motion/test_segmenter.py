@@ -22,7 +22,7 @@ from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from test.motion.streams import CUBE, PERIOD_NS, Throw, stream
+from test.motion.streams import CUBE, PERIOD_NS, Throw, noisy, stream
 
 Outcome = Toss | Rejected
 
@@ -268,6 +268,18 @@ def test_a_body_that_is_caught_ends_its_motion_and_the_next_throw_is_a_toss(fall
     segmenter = fresh()
     at_once = [*segmenter.push_run(run), *segmenter.flush()]
     assert [toss_of(one).digest() for one in at_once] == [toss_of(one).digest() for one in ended]
+
+
+def test_noise_at_rest_does_not_put_off_the_next_throw() -> None:
+    period = NANOSECONDS // 240
+    poses = stream(Throw(carried=0, seen=600), period_ns=period)
+    poses += stream(Throw(position=(0.1, 0.2, 0.3), carried=0, seen=300), poses[-1].stamp_ns + period, period)
+    big = replace(CUBE, vertices=2.5 * CUBE.vertices)
+    raised = [moved(one, 1.5 * CUBE.length_scale) for one in poses]
+    for seed in range(8):
+        segmenter = TossSegmenter(SegmenterConfig(tracker_noise=14.0), big, source="/odom")
+        ended = [*pushed(segmenter, noisy(raised, 14.0, seed)), *segmenter.flush()]
+        assert len(ended) == 2, (seed, [toss_of(one).toss_id for one in ended])
 
 
 def test_a_long_fall_is_not_held() -> None:
