@@ -1,4 +1,4 @@
-"""A board that is not level is named, and bodies that are caught are not taken for others than described."""
+"""A board that is not level is named; caught bodies and simulated poses without noise are not taken for faults."""
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
 from contact_curation.pipeline.diagnosis.findings.body import other_shape
 from contact_curation.pipeline.diagnosis.findings.rig import incline
+from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
 from contact_curation.pipeline.diagnosis.findings.tosses import never_at_rest
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
@@ -58,3 +59,13 @@ def test_bodies_that_are_held_in_the_air_do_not_rest(kept: int) -> None:
     assert other_shape(seen) is None
     found = never_at_rest(seen)
     assert (found is not None) == (kept == 3)
+
+
+def test_simulated_poses_without_noise_are_not_smoothed_where_a_corner_touches() -> None:
+    series = recorded(SLAB, Rig(noise=0.0), Throws(8))
+    for number in (0, 1):
+        touched = series[number].positions.copy()
+        pushed = 3e-6 * np.random.default_rng(number).standard_normal((FLYING, 3))
+        touched[:FLYING] += pushed.cumsum(axis=0).cumsum(axis=0).cumsum(axis=0)
+        series[number] = PoseSeries(series[number].stamps_ns, touched, series[number].orientations_wxyz)
+    assert smoothed(evidence(series)) is None
