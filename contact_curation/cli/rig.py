@@ -18,7 +18,8 @@ from contact_curation.motion.survey.mass_centre import MassCentre
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig, worth_correcting
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
-from contact_curation.pipeline.diagnosis.findings.body import moving_parts
+from contact_curation.pipeline.diagnosis.findings.body import moving_parts, other_frame
+from contact_curation.pipeline.diagnosis.findings.rig import incline
 from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig, center_of_mass_option, settings_of
 from contact_curation.pipeline.wording import counted_tosses
@@ -62,28 +63,30 @@ def run(arguments: argparse.Namespace) -> int:
         raise NothingFoundError(concluded(evidence).verdict, warnings)
     warn(warnings)
     found = estimate_rig(evidence.survey, body.polytope, evidence.true_fall, center=evidence.center, fewest=FEWEST_TOSSES)
-    settings = settings_of(worth_correcting(found)) if stages["rig"] == NO_CORRECTION else ""
+    correction = worth_correcting(found) if evidence.tracked is None else evidence.tracked.rig  # which comes first
+    settings = settings_of(correction) if stages["rig"] == NO_CORRECTION else ""
     rigid = evidence.departure is None
     centre = None if not rigid else evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig)
     move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
+    needed = bool(move) or evidence.tracked is not None or not found.needs_none
     if arguments.json:
-        print_json(_document(found, settings, move, warnings) | {"mass_centre": _centre_document(centre, move)})
+        told = _document(found, warnings) | {"correction_needed": needed, "settings": settings}
+        print_json(told | {"mass_centre": _centre_document(centre, move)})
     else:
-        print("\n".join((*_lines(found), _centre_line(centre, move, rigid), *_ways_to_correct(found, settings, move))))
+        print("\n".join((*_lines(found), _centre_line(centre, move, rigid), *_ways_to_correct(needed, settings, move))))
     return 0
 
 
 def _warnings(evidence: Evidence) -> Iterator[str]:
     for one in evidence.recordings:
         yield from (f"{one.path}: {line}" for line in (one.unreadable, one.no_topic, *one.losses) if line)
-    if (parts := moving_parts(evidence)) is not None:
-        yield parts.line
+    yield from (found.line for find in (moving_parts, other_frame, incline) if (found := find(evidence)) is not None)
     twice = sum(len(one.series) for one in evidence.recordings) - len(evidence.series)
     if twice:
         yield f"{twice} series of poses are in the inputs twice: each counts once"
 
 
-def _document(found: RigEstimate, settings: str, move: str, warnings: Sequence[str]) -> dict[str, Any]:
+def _document(found: RigEstimate, warnings: Sequence[str]) -> dict[str, Any]:
     height, turn, offset = _times(found.height, 1e3), found.marker_turn, found.marker_place
     return {
         "tosses": found.throws,
@@ -98,8 +101,6 @@ def _document(found: RigEstimate, settings: str, move: str, warnings: Sequence[s
             "offset_mm": [_times(one, 1e3)._asdict() for one in offset],
         },
         "unclear": list(found.doubts),
-        "correction_needed": bool(move) or not found.needs_none,
-        "settings": settings,
         "warnings": list(warnings),
     }
 
@@ -146,8 +147,8 @@ def _centre_line(centre: MassCentre | None, option: str, rigid: bool) -> str:
     return f"mass    bodies in the air turn about a point {1e3 * centre.distance:.1f} mm from the described centre of mass"
 
 
-def _ways_to_correct(found: RigEstimate, settings: str, move: str) -> Iterator[str]:
-    if found.needs_none and not move:
+def _ways_to_correct(needed: bool, settings: str, move: str) -> Iterator[str]:
+    if not needed:
         yield NO_CORRECTION_NEEDED
     elif said := " ".join(one for one in (move, settings) if one):
         yield f"options that correct the tosses in other commands: {said}"

@@ -143,17 +143,22 @@ class _Way(NamedTuple):
 class BodyTracker:
     """Follows one body; remembers the rig's frames and the body poses that wait for them.
 
+    Args:
+        config: of frames and times.
+        marker: the described body's frame in the tracked one, about the centre of mass.
+
     Attributes:
         config: frames and times.
         counts: how often something came out: "poses", and the kinds of bad poses.
     """
 
-    def __init__(self, config: TrackerConfig) -> None:
+    def __init__(self, config: TrackerConfig, marker: ScalarPose = IDENTITY) -> None:
         self.config = config
         self.counts: Counter[str] = Counter()
         self._tree = FrameTree()
         self._moving = config.body_frame
-        self._center = ScalarPose(config.center_of_mass, IDENTITY.orientation_wxyz)
+        center = ScalarPose(config.center_of_mass, IDENTITY.orientation_wxyz)
+        self._center = center if marker == IDENTITY else compose(center, marker)
         self._waiting: deque[FramePose] = deque()
         self._parents: tuple[str, ...] = ()
         self._needed: tuple[tuple[int, tuple[str, ...]], frozenset[str]] = ((-1, ()), frozenset())
@@ -321,8 +326,8 @@ class BodyTracker:
         return PoseRun(measured.stamps_ns, *(np.stack(part, axis=1) for part in placed))
 
     def _centered(self, tracked: ScalarPose) -> ScalarPose:
-        """The pose with its origin in the centre of mass."""
-        return compose(tracked, self._center) if any(self._center.position) else tracked
+        """The pose of the described body's frame, its origin in the centre of mass."""
+        return tracked if self._center == IDENTITY else compose(tracked, self._center)
 
     def _way(self, parent: str, child: str) -> _Way | None:
         """How a measurement of these frames leads to the board, looked up once while the tree keeps its shape."""

@@ -19,7 +19,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.geometry.scalars import Quaternion, Vector, conjugate, rotate, third_row, vector
+from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector, conjugate, rotate, third_row, vector
 from contact_curation.motion.gates import footing, rest_normal
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.toss import NANOSECONDS, Toss
@@ -88,6 +88,19 @@ class RigCalibration:
     def has_marker(self) -> bool:
         """Whether the tracked frame is not the described body's."""
         return any(self.marker_turn) or any(self.marker_offset)
+
+    @property
+    def marker(self) -> ScalarPose:
+        """The described body's frame in the tracked one, in the length of the poses."""
+        turn = quaternions.exp(-np.array(self.marker_turn))
+        place = quaternions.rotate(turn, self.marker_offset) / self.scale
+        w, x, y, z = turn.tolist()
+        return ScalarPose(vector(place), (w, x, y, z))
+
+    @property
+    def without_marker(self) -> "RigCalibration":
+        """Of the board and the length scale alone."""
+        return replace(self, marker_turn=(0.0, 0.0, 0.0), marker_offset=(0.0, 0.0, 0.0))
 
     @property
     def tilt(self) -> float:

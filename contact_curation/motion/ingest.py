@@ -29,7 +29,8 @@ class IngestConfig:
         tracker: frames.
         segmenter: when a motion is a toss.
         gates: what a toss must pass.
-        rig: what tracked; it is applied to motions once they are cut, since rules of cutting may be a recording's own.
+        rig: what tracked; its marker is applied to poses, so that velocities are those of the centre of mass, its board and
+            length scale to motions once they are cut, since rules of cutting may be a recording's own.
     """
 
     tracker: TrackerConfig
@@ -66,9 +67,10 @@ class TossIngest:
         self._placed = placed
         self._complete = complete
         self._body = body
-        self._tracker = BodyTracker(config.tracker)
+        self._rig = config.rig.without_marker
+        self._tracker = BodyTracker(config.tracker, config.rig.marker)
         self._stamps = StampEvener(config.tracker.body_frame)
-        self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=config.rig)
+        self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=self._rig)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
         self._first_ns: int | None = None
@@ -123,7 +125,7 @@ class TossIngest:
         return self._calibrated(self._segmenter.nearing_end())
 
     def _calibrated(self, toss: Toss | None) -> Toss | None:
-        return None if toss is None else apply_calibration(toss, self.config.rig)
+        return None if toss is None else apply_calibration(toss, self._rig)
 
     @property
     def needed_frames(self) -> frozenset[str]:
@@ -244,9 +246,9 @@ class TossIngest:
         """Motions, counted and calibrated, tosses after the gates."""
         for motion in motions:
             if isinstance(motion, Rejected):
-                toss, reasons = apply_calibration(motion.toss, self.config.rig), motion.reasons
+                toss, reasons = apply_calibration(motion.toss, self._rig), motion.reasons
             else:
-                toss = apply_calibration(motion, self.config.rig)
+                toss = apply_calibration(motion, self._rig)
                 self._complete(toss)
                 reasons = inspect(toss, self._body, self._gates, self.tracker)
             self._outcomes["rejected" if reasons else "tosses"] += 1

@@ -2,6 +2,7 @@
 
     start   free fall over the board in two successive frames, every corner off the board
     end     nine successive displacements too small to see, the body flat on a face
+    caught  in the air for as long as separates two motions, and not falling meanwhile
     none    set for a noisy tracker: what does not go on falling
     reject  too short, never touching the board, deep in it, pushed while in the air, or with a frame missing
 
@@ -45,6 +46,9 @@ DOUBTFUL = 1.2
 
 CONFIRMED, FALLING = 0.1, 0.85
 """Where noise may look like free fall a toss is none unless it falls over so long a time [s] by that share of gravity."""
+
+HELD, LOOKED_AFTER = 0.5, 16
+"""A body that falls by less than that share of gravity is held; it is looked at after every so many frames of a motion."""
 
 KEPT = MEMORY * WIDEST_STRIDE
 """Frames that are remembered while there is no toss."""
@@ -267,7 +271,9 @@ class TossSegmenter:
         if self._start is None:
             return stop
         frames = len(self._run) - self._start
-        return at if self._still or frames < eventful.unconfirmed else min(stop, at + self.config.most_frames - frames)
+        if self._still or frames < eventful.unconfirmed:
+            return at
+        return min(stop, at + self.config.most_frames - frames, at + LOOKED_AFTER - 1 - frames % LOOKED_AFTER)
 
     def _remember(self, frames: Sequence[Frame]) -> None:
         """Takes in frames that are not eventful."""
@@ -344,7 +350,8 @@ class TossSegmenter:
         first, second = self._run[-1 - 2 * stride], self._run[-1 - stride]
         settled = self._moved_ns is None or first.stamp_ns - self._moved_ns >= bounds.settle_time * NANOSECONDS
         if not settled:  # still the motion before: it bounces, or goes on after a gap
-            self._moved_ns = first.stamp_ns
+            if not self._rules.doubtful or _acceleration(self._run) < -HELD * bounds.gravity:
+                self._moved_ns = first.stamp_ns
         elif self._may_start(first, second):
             self._start, self._still, self._outside = len(self._run) - 1 - 2 * stride, 0, False
             for before, after in pairwise(self._run[self._start :]):
@@ -371,7 +378,21 @@ class TossSegmenter:
         frames = len(self._run) - self._motion_start
         if frames > self.config.most_frames and self._still < frames_at_rest:
             return (self._given_up(f"frames: found {frames} without rest, expected rest within {self.config.most_frames}"),)
+        if frames % LOOKED_AFTER == 0 and self._still < frames_at_rest and self._is_held():
+            held = f"{self._bounds.settle_time:.2g} s in the air"
+            return (self._given_up(f"caught: found the body held for {held}, expected rest on the board"),)
         return ()
+
+    def _is_held(self) -> bool:
+        """Whether the body has been in the air for the time that separates two motions, and has not fallen meanwhile."""
+        newest_ns, airborne = self._run[-1].stamp_ns, list[Frame]()
+        for frame in self._run[: self._motion_start : -1]:
+            if min(self._corner_heights(frame)) <= self._bounds.airborne_clearance:
+                return False
+            airborne.append(frame)
+            if newest_ns - frame.stamp_ns >= self._bounds.settle_time * NANOSECONDS:
+                return _acceleration(airborne[::-1]) > -HELD * self._bounds.gravity
+        return False
 
     def _was_no_fall(self) -> bool:
         """Whether a toss that noise began turns out to be held: it comes to rest in the air, or does not go on falling.
@@ -388,10 +409,7 @@ class TossSegmenter:
         seen = self._run[self._motion_start :]
         if min(min(self._corner_heights(frame)) for frame in seen) <= self._bounds.airborne_clearance:
             return False
-        first, middle, last = seen[0], seen[len(seen) // 2], seen[-1]
-        rises = [(b.position[2] - a.position[2]) / (b.stamp_ns - a.stamp_ns) for a, b in ((first, middle), (middle, last))]
-        acceleration = 2.0 * (rises[1] - rises[0]) / (last.stamp_ns - first.stamp_ns) * NANOSECONDS**2
-        return resting or acceleration > -FALLING * self._bounds.gravity
+        return resting or _acceleration(seen) > -FALLING * self._bounds.gravity
 
     def _count_still(self, before: Frame, after: Frame) -> None:
         """Counts the successive displacements, up to the newest, of a body at rest.
@@ -458,6 +476,13 @@ class TossSegmenter:
         later += [later[-1]] * (len(self._run) - stop)
         reopened = [frame._replace(stamp_ns=frame.stamp_ns + by) for frame, by in zip(self._run[first:], later, strict=True)]
         return self._run[:first] + reopened
+
+
+def _acceleration(frames: Sequence[Frame]) -> float:
+    """Vertical, by the first, the middle and the last frame [m/s^2]."""
+    first, middle, last = frames[0], frames[len(frames) // 2], frames[-1]
+    rises = [(b.position[2] - a.position[2]) / (b.stamp_ns - a.stamp_ns) for a, b in ((first, middle), (middle, last))]
+    return 2.0 * (rises[1] - rises[0]) / (last.stamp_ns - first.stamp_ns) * NANOSECONDS**2
 
 
 def _detector_after(run: Sequence[Frame], stride: int = 1) -> FallDetector:

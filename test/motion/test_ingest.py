@@ -1,12 +1,13 @@
 """From measured poses to tosses that may be scored, in one go."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.geometry.scalars import ScalarPose, compose, inverse
 from contact_curation.motion.body_tracker import BodyPose, TrackerConfig
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.gate_config import GateConfig
@@ -256,3 +257,24 @@ def test_a_toss_nears_its_end_once_before_it_is_expected() -> None:
         assert near.frames == ahead.frames - 5
         assert near.toss_id == ahead.toss_id
         assert near.linear_velocities[:-1].tobytes() == ahead.linear_velocities[: near.frames - 1].tobytes()
+
+
+def test_a_marker_beside_the_body_leaves_the_velocities_of_its_centre_of_mass() -> None:
+    beside, turned = (0.03, -0.02, 0.04), (0.2, 0.0, 1.5)
+    rig = RigCalibration(marker_turn=turned, marker_offset=beside, scale=1.02)
+    marker = inverse(rig.marker)
+    marked = [
+        replace(one, pose=compose(one.pose, marker)) if one.child == CONFIG.tracker.body_frame else one for one in MEASURED
+    ]
+    seen = ingested(marked, fresh(replace(CONFIG, rig=rig)))
+    level = ingested(MEASURED, fresh(replace(CONFIG, rig=rig.without_marker)))
+    assert [type(one) for one in seen] == [type(one) for one in level]
+    for one, other in zip(map(toss_of, seen), map(toss_of, level), strict=True):
+        np.testing.assert_allclose(one.positions, other.positions, atol=1e-9)
+        np.testing.assert_allclose(one.linear_velocities, other.linear_velocities, atol=1e-7)
+        np.testing.assert_allclose(one.angular_velocities, other.angular_velocities, atol=1e-6)
+
+
+def toss_of(event: IngestEvent) -> Toss:
+    assert not isinstance(event, BadPose)
+    return event.toss if isinstance(event, Rejected) else event

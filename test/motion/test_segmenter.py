@@ -5,7 +5,7 @@ import statistics
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from math import inf, nan
+from math import cos, inf, nan, sin
 
 import numpy as np
 import pytest
@@ -17,11 +17,12 @@ from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.scalars import ScalarPose, compose, rotate
 from contact_curation.motion.body_tracker import BodyPose
 from contact_curation.motion.calibration import RigCalibration
+from contact_curation.motion.pose_stream import PoseRun
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
-from test.motion.streams import CUBE, PERIOD_NS, Throw, stream
+from test.motion.streams import CUBE, PERIOD_NS, Throw, noisy, stream
 
 Outcome = Toss | Rejected
 
@@ -243,6 +244,51 @@ def test_a_body_held_still_but_not_flat_is_not_at_rest() -> None:
     config = SegmenterConfig(lowest_corner=0.02)
     assert "expected the body at rest" in reasons(cut(tilted, config))
     assert isinstance(only(cut(tilted, replace(config, flat_tolerance=0.02))), Toss)
+
+
+def caught(held: float, falls: int = 15) -> list[BodyPose]:
+    """A body that is caught in mid-air, held for some seconds, and thrown again."""
+    first = stream(Throw(position=(0.1, 0.2, 0.6), seen=falls))
+    askew = compose(first[-1].pose, ScalarPose((0.0, 0.0, 0.0), (cos(0.3), sin(0.3), 0.0, 0.0)))
+    still = [BodyPose(first[-1].stamp_ns + number * PERIOD_NS, askew) for number in range(1, round(held * 148))]
+    return [*first, *still, *stream(start_ns=still[-1].stamp_ns + PERIOD_NS)]
+
+
+@pytest.mark.parametrize("falls", range(12, 30))
+def test_a_body_that_is_caught_ends_its_motion_and_the_next_throw_is_a_toss(falls: int) -> None:
+    poses = caught(0.6, falls)
+    ended = cut(poses)
+    assert [type(outcome) for outcome in ended] == [Rejected, Toss]
+    assert reasons(ended[:1]).startswith("caught: found the body held for 0.3 s in the air")
+    run = PoseRun(
+        np.array([one.stamp_ns for one in poses]),
+        np.array([one.pose.position for one in poses]),
+        np.array([one.pose.orientation_wxyz for one in poses]),
+    )
+    segmenter = fresh()
+    at_once = [*segmenter.push_run(run), *segmenter.flush()]
+    assert [toss_of(one).digest() for one in at_once] == [toss_of(one).digest() for one in ended]
+
+
+def test_noise_at_rest_does_not_put_off_the_next_throw() -> None:
+    period = NANOSECONDS // 240
+    poses = stream(Throw(carried=0, seen=600), period_ns=period)
+    poses += stream(Throw(position=(0.1, 0.2, 0.3), carried=0, seen=300), poses[-1].stamp_ns + period, period)
+    big = replace(CUBE, vertices=2.5 * CUBE.vertices)
+    raised = [moved(one, 1.5 * CUBE.length_scale) for one in poses]
+    for seed in range(8):
+        segmenter = TossSegmenter(SegmenterConfig(tracker_noise=14.0), big, source="/odom")
+        ended = [*pushed(segmenter, noisy(raised, 14.0, seed)), *segmenter.flush()]
+        assert len(ended) == 2, (seed, [toss_of(one).toss_id for one in ended])
+
+
+def test_a_long_fall_is_not_held() -> None:
+    poses = stream(Throw(position=(0.1, 0.2, 2.5), velocity=(0.9, 0.3, 2.0), seen=300))
+    assert isinstance(only(cut(poses)), Toss)
+
+
+def toss_of(outcome: Outcome) -> Toss:
+    return outcome.toss if isinstance(outcome, Rejected) else outcome
 
 
 def test_on_a_board_that_is_known_to_be_tilted_a_toss_is_cut_as_on_a_level_one() -> None:

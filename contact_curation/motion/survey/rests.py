@@ -14,7 +14,7 @@ complement): directions in which that is too little are left as described, and i
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +23,13 @@ from numpy.typing import NDArray
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.falls import Throw
+from contact_curation.motion.survey.falls import Survey, Throw
 
 FLATTEST = np.radians(12.0)
 """A rest further from any described face is none of the described body."""
+
+ON_BOARD = 25
+"""Percentile of the heights of rests that is on the board: up to three throws in four may be caught."""
 
 FEWEST_FOR_MARKER = 8
 """Rests."""
@@ -112,6 +115,22 @@ def faces(polytope: Polytope) -> tuple[Array, Array]:
 
     planes = np.unique(np.round(ConvexHull(polytope.vertices).equations, 9), axis=0)
     return planes[:, :3], -planes[:, 3]
+
+
+def on_board(survey: Survey, reach: float) -> Survey:
+    """A survey without the rests of bodies that are held, or lie beside the board: far over or under most others.
+
+    Args:
+        survey: of poses of any unit and axes.
+        reach: of the body [m].
+    """
+    heights = np.array([np.nan if one.rest is None else one.rest.position @ survey.up for one in survey.throws])
+    if survey.gravity is None or not np.isfinite(heights).any():
+        return survey
+    farthest = 2.0 * reach * float(np.linalg.norm(survey.gravity)) / 9.81
+    away = np.abs(heights - np.nanpercentile(heights, ON_BOARD)) > farthest
+    throws = (replace(one, rest=None) if is_away else one for one, is_away in zip(survey.throws, away, strict=True))
+    return replace(survey, throws=tuple(throws))
 
 
 def rests_of(throws: Sequence[Throw], polytope: Polytope) -> Rests:

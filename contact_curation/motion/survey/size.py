@@ -22,6 +22,9 @@ FEWEST_THROWS = 6
 HIGHER = 0.2
 """Of the height at rest: a body that is so much higher over its lowest corner stands on an edge or a corner."""
 
+USUAL = 0.96
+"""What `size_ratio` is for a body as described: rounded corners make it small."""
+
 SMALLEST_ERROR = 0.02
 """Boards give way and touches fall between frames: no ratio is claimed to be known better (standard deviation)."""
 
@@ -43,20 +46,31 @@ def size_ratio(survey: Survey, polytope: Polytope, found: RigEstimate) -> Estima
         frames = slice(flight.first, rest.first + 1)
         positions, orientations = calibrated_poses(series.positions[frames], series.orientations_wxyz[frames], found.rig)
         lever = -np.min(quaternions.to_matrix(orientations)[:, 2] @ polytope.vertices.T, axis=1)  # (n,)
-        tumbling = lever - lever[-1] > HIGHER * lever[-1]
-        tumbling[-1] = False
-        if tumbling.any():
-            higher = positions[tumbling, 2] - positions[-1, 2]
-            ratios.append(float((higher / (lever[tumbling] - lever[-1])).min()))
+        if (ratio := standing_ratio(positions[:, 2], lever)) is not None:
+            ratios.append(ratio)
     if len(ratios) < FEWEST_THROWS:
         return None
-    value = _densest(np.sort(ratios))
+    value = densest(np.sort(ratios))
     spread = 1.4826 * float(np.median(np.abs(np.array(ratios) - value))) / np.sqrt(len(ratios))
     half = 1.96 * float(np.hypot(1.25 * spread, SMALLEST_ERROR))  # 1.25: of a median
     return Estimate(value, value - half, value + half)
 
 
-def _densest(ratios: Array) -> float:
+def standing_ratio(height: Array, lever: Array) -> float | None:
+    """Of one throw; None where it never stands on an edge or a corner.
+
+    Args:
+        height: (n,) of the origin, at rest in the last frame [m].
+        lever: (n,) how high the described body's origin is over its lowest corner [m].
+    """
+    tumbling = lever - lever[-1] > HIGHER * lever[-1]
+    tumbling[-1] = False
+    if not tumbling.any():
+        return None
+    return float(((height[tumbling] - height[-1]) / (lever[tumbling] - lever[-1])).min())
+
+
+def densest(ratios: Array) -> float:
     """Amid the shortest interval that holds half of the sorted ratios (K,): some throws never stand on an edge."""
     half = (len(ratios) + 1) // 2
     widths = ratios[half - 1 :] - ratios[: len(ratios) - half + 1]

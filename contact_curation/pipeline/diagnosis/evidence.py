@@ -15,11 +15,13 @@ from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
+from contact_curation.motion.survey.rests import on_board
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
 from contact_curation.motion.survey.rigidity import Departure, departure
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
 from contact_curation.motion.survey.sliding import Sliding
+from contact_curation.motion.survey.tracked import TrackedFrame, tracked_frame
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
@@ -153,7 +155,8 @@ class Evidence:
     @cached_property
     def survey(self) -> Survey:
         """Falls and rests in the poses on the board."""
-        return survey([one for _, one in self.series])
+        reach = float(np.linalg.norm(self.body.vertices, axis=1).max())
+        return on_board(survey([one for _, one in self.series]), reach)
 
     @cached_property
     def mass_centre(self) -> MassCentre | None:
@@ -211,7 +214,7 @@ class Evidence:
 
         None of bodies that do not move as rigid ones: these turn about no point of theirs.
         """
-        if self.rig is None or self.mass_centre is None or self.departure is not None:
+        if self.rig is None or self.mass_centre is None or self.departure is not None or self.tracked is not None:
             return None
         found = self.mass_centre.seen_from_described(self.rig.rig)
         return found if found.is_elsewhere and found.distance > WORTH_MOVE * size_of(self.body.vertices) else None
@@ -249,6 +252,14 @@ class Evidence:
     def size(self) -> Estimate | None:
         """The body's size over its description's; None where it cannot be told."""
         return None if self.rig is None else size_ratio(self.survey, self.body.polytope, self.rig)
+
+    @cached_property
+    def tracked(self) -> TrackedFrame | None:
+        """The frame that is tracked, where it is another one than the described body's."""
+        if self.fall is None or not self.fall.sound:
+            return None
+        seen = self.center if self.departure is None else None
+        return tracked_frame(self.survey, self.body.vertices, self.body.center_of_mass, seen)
 
     @cached_property
     def period(self) -> float:

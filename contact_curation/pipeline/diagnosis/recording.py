@@ -174,13 +174,13 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
 
 
 def _series(placed: Sequence[BodyPose], config: ReadingConfig) -> tuple[PoseSeries, ...]:
-    """The poses on the board; a new series begins where the clock jumps back."""
+    """The poses on the board, placed with the rig's marker; a new series begins where the clock jumps back."""
     if not placed:
         return ()
     stamps = np.array([one.stamp_ns for one in placed], dtype=np.int64)
     positions = np.array([one.pose.position for one in placed])
     orientations = np.array([one.pose.orientation_wxyz for one in placed])
-    positions, orientations = calibrated_poses(positions, orientations, config.inputs.rig)
+    positions, orientations = calibrated_poses(positions, orientations, config.inputs.rig.without_marker)
     parts = np.split(np.arange(len(stamps)), np.flatnonzero(np.diff(stamps) <= 0) + 1)
     return tuple(PoseSeries(stamps[part], positions[part], orientations[part]) for part in parts)
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from contact_curation.motion.survey.rests import rests_of
 from contact_curation.motion.survey.rig import RigEstimate
+from contact_curation.motion.survey.size import USUAL
 from contact_curation.pipeline.diagnosis.evidence import DEPARTING, Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.orientations import ASKEW, off_flat
@@ -15,9 +16,6 @@ WIDE = 1.0
 
 LARGEST = 20.0
 """Times its height at rest: a body that is described larger is described in another unit."""
-
-USUAL = 0.96
-"""What `size_ratio` is for a body as described: rounded corners make it small."""
 
 BETTER = 0.01
 """By so much nearer must a wrong size be to what is seen than a wrong height of the board."""
@@ -46,11 +44,28 @@ def other_unit(evidence: Evidence) -> Finding | None:
     return Finding(Severity.FAULT, what, "are its vertices in mm? expected metres")
 
 
+def other_frame(evidence: Evidence) -> Finding | None:
+    """A tracked frame whose axes are the described body's turned by right angles, or whose origin is elsewhere."""
+    found = evidence.tracked
+    if found is None:
+        return None
+    away = 1e3 * float(np.linalg.norm(found.rig.marker_offset))
+    parts = [f"the described x, y, z are its {found.axes}"] if found.is_turned else []
+    parts += [f"it is {away:.1f} mm away"] if away else []
+    what = (
+        f"the tracked frame is not that of {evidence.body.name} as described: {' and '.join(parts)} "
+        f"(heights on the board fit {found.described / found.found:.0f} times better)"
+    )
+    return Finding(Severity.FAULT, what, "correct the --body file or the tracked frame, or poses by settings", rig=found.rig)
+
+
 def other_shape(evidence: Evidence) -> Finding | None:
     """Bodies that come to rest on none of the described faces, or higher on some than others.
 
     Tosses end flat on a described face. Where most motions are tosses, what is still for a moment off every face rolls.
     """
+    if evidence.tracked is not None:
+        return None
     found = off_flat(evidence)
     if found is not None and found["as read"] > ASKEW and evidence.mostly_rejected:
         what = f"bodies at rest stand {found['as read']:.0f} degrees off every face of {evidence.body.name} as described"
@@ -65,7 +80,7 @@ def other_shape(evidence: Evidence) -> Finding | None:
 def other_size(evidence: Evidence) -> Finding | None:
     """A body larger or smaller than described, where heights at rest agree on it with those on edges, or face with face."""
     rig, size = evidence.rig, evidence.size
-    if rig is None:
+    if rig is None or evidence.tracked is not None:
         return None
     by_faces = _size_by_faces(evidence, rig)
     off = (by_faces or 1.0 + rig.height.value / float(np.median(rig.rest_depths))) - 1.0

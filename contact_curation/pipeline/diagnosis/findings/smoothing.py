@@ -38,6 +38,9 @@ WHITE_AT_REST = -0.55
 COARSEST = 2e-4
 """[m] Rounding that moves velocities by more than tracking noise does."""
 
+NOISELESS = 1e-7
+"""[s^2] Times gravity: no tracker scatters so little, under 1 um."""
+
 KINK = 6.0
 """Times the median of a flight: larger third differences are no noise."""
 
@@ -150,6 +153,8 @@ def _sharpness(found: Survey) -> Array:
 
 def _colour(found: Survey) -> float | None:
     """Correlation of successive third differences in the air; None where there are too few, or no noise."""
+    if found.gravity is None or found.noise < NOISELESS * float(np.linalg.norm(found.gravity)):
+        return None  # what simulated poses scatter by is contact
     flights = (max(throw.flights, key=lambda one: one.stop - one.first) for throw in found.throws)
     return _correlation(found, [(one.series, one.first + 2, one.stop - 2) for one in flights])
 
@@ -172,10 +177,7 @@ def _correlation(found: Survey, spans: Sequence[tuple[int, int, int]]) -> float 
         products += float((bent[:-1] * bent[1:]).sum())
         squares += float((bent**2).sum())
         count += len(bent)
-    size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
-    if count < 40 or squares / count < (1e-7 * size) ** 2:
-        return None
-    return products / squares
+    return products / squares if count >= 40 and squares else None
 
 
 def _like_the_others(bent: Array) -> NDArray[np.bool_]:

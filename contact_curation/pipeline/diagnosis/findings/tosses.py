@@ -16,6 +16,7 @@ NUMBERS = re.compile(rf"found {NUMBER}(.*?)(?: (?:at|before) frame \d+)?, expect
 """In the reasons of gates and segmenter: what was found, its unit, and the bound."""
 
 HINTS = {
+    "caught": "let the body come to rest on the board",
     "gap": "frames are missing in mid-toss: record at a steady rate",
     "end": "the recording ends, or pauses, before the body rests",
     "frames": "the body does not come to rest in sight",
@@ -25,6 +26,7 @@ HINTS = {
     "displacement beside the velocity": "tracking outliers: poses jump",
     "turn beside the angular velocity": "orientations jump: flipped tags?",
     "quaternion norm beside 1": "publish unit quaternions",
+    "impulse outside the friction cone": "more friction than described? give --friction",
     "tilt at rest": "is the board tilted?",
     "height at rest": "board height or body size off?",
 }

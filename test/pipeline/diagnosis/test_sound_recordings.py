@@ -1,0 +1,71 @@
+"""A board that is not level is named; caught bodies and simulated poses without noise are not taken for faults."""
+
+import numpy as np
+import pytest
+
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.polytopes import box
+from contact_curation.motion.survey.series import PoseSeries
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Severity
+from contact_curation.pipeline.diagnosis.findings.body import other_shape
+from contact_curation.pipeline.diagnosis.findings.rig import incline
+from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
+from contact_curation.pipeline.diagnosis.findings.tosses import never_at_rest
+from contact_curation.pipeline.diagnosis.recording import Recording
+from contact_curation.pipeline.reading import ReadingConfig
+from test.motion.survey.rigs import FLYING, GRAVITY, RATE, Rig, Throws, recorded
+
+SLAB = box([0.06, 0.04, 0.025])
+BODY = Body("slab", SLAB.vertices, 0.3, CONTACTNETS_CUBE.inertia, 0.3, 0.05)
+
+
+def evidence(series: list[PoseSeries]) -> Evidence:
+    return Evidence(ReadingConfig(BODY), (Recording("a", series=tuple(series)),))
+
+
+def askew(one: PoseSeries, degrees: float) -> PoseSeries:
+    """A throw over a board that is inclined by so much, in its frame."""
+    pulled = np.zeros_like(one.positions)
+    pulled[:FLYING, 0] = 0.5 * GRAVITY * np.tan(np.radians(degrees)) * (np.arange(FLYING) / RATE) ** 2
+    return PoseSeries(one.stamps_ns, one.positions + pulled, one.orientations_wxyz)
+
+
+@pytest.mark.parametrize(("degrees", "severity"), [(0.3, None), (1.0, Severity.WARNING), (3.0, Severity.FAULT)])
+def test_a_board_that_is_not_level_is_named(degrees: float, severity: Severity | None) -> None:
+    found = incline(evidence([askew(one, degrees) for one in recorded(SLAB, Rig(), Throws(20))]))
+    assert (None if found is None else found.severity) == severity
+    assert found is None or f"{degrees:.1f} degrees askew to the board" in found.what
+
+
+@pytest.mark.parametrize("rig", [Rig(), Rig(tilt=(0.05, -0.02)), Rig(noise=3e-4), Rig(marker_offset=(0.02, 0.0, 0.01))])
+def test_a_frame_that_is_tilted_on_a_level_board_is_no_incline(rig: Rig) -> None:
+    assert incline(evidence(recorded(SLAB, rig, Throws(20)))) is None
+
+
+@pytest.mark.parametrize("kept", [2, 3])
+def test_bodies_that_are_held_in_the_air_do_not_rest(kept: int) -> None:
+    rng = np.random.default_rng(2)
+    series = recorded(SLAB, Rig(), Throws(24))
+    for number, one in enumerate(series):
+        if number % kept:
+            held = one.positions.copy(), one.orientations_wxyz.copy()
+            held[0][FLYING:, 2] = 0.5
+            held[1][FLYING:] = quaternions.normalized(rng.standard_normal(4))
+            series[number] = PoseSeries(one.stamps_ns, *held)
+    seen = evidence(series)
+    assert sum(throw.rest is not None for throw in seen.survey.throws) == 24 // kept
+    assert other_shape(seen) is None
+    found = never_at_rest(seen)
+    assert (found is not None) == (kept == 3)
+
+
+def test_simulated_poses_without_noise_are_not_smoothed_where_a_corner_touches() -> None:
+    series = recorded(SLAB, Rig(noise=0.0), Throws(8))
+    for number in (0, 1):
+        touched = series[number].positions.copy()
+        pushed = 3e-6 * np.random.default_rng(number).standard_normal((FLYING, 3))
+        touched[:FLYING] += pushed.cumsum(axis=0).cumsum(axis=0).cumsum(axis=0)
+        series[number] = PoseSeries(series[number].stamps_ns, touched, series[number].orientations_wxyz)
+    assert smoothed(evidence(series)) is None
