@@ -47,8 +47,9 @@ DOUBTFUL = 1.2
 CONFIRMED, FALLING = 0.1, 0.85
 """Where noise may look like free fall a toss is none unless it falls over so long a time [s] by that share of gravity."""
 
-HELD, LOOKED_AFTER = 0.5, 16
-"""A body that falls by less than that share of gravity is held; it is looked at after every so many frames of a motion."""
+HELD, LOOKED_AFTER, HALVES = 0.5, 16, 5
+"""A body that falls by less than that share of gravity is held; it is looked at after every so many frames of a motion, over at
+least so many of them, whose halves have three."""
 
 KEPT = MEMORY * WIDEST_STRIDE
 """Frames that are remembered while there is no toss."""
@@ -384,14 +385,19 @@ class TossSegmenter:
         return ()
 
     def _is_held(self) -> bool:
-        """Whether the body has been in the air for the time that separates two motions, and has not fallen meanwhile."""
+        """Whether the body has been in the air for the time that separates two motions, and has not fallen meanwhile.
+
+        In neither half of it: slow trackers miss impacts, and over one a body that falls seems to be held.
+        """
         newest_ns, airborne = self._run[-1].stamp_ns, list[Frame]()
         for frame in self._run[: self._motion_start : -1]:
             if min(self._corner_heights(frame)) <= self._bounds.airborne_clearance:
                 return False
             airborne.append(frame)
-            if newest_ns - frame.stamp_ns >= self._bounds.settle_time * NANOSECONDS:
-                return _acceleration(airborne[::-1]) > -HELD * self._bounds.gravity
+            if len(airborne) >= HALVES and newest_ns - frame.stamp_ns >= self._bounds.settle_time * NANOSECONDS:
+                middle, highest = len(airborne) // 2, -HELD * self._bounds.gravity
+                later, earlier = airborne[middle::-1], airborne[: middle - 1 : -1]
+                return min(_acceleration(later), _acceleration(earlier)) > highest
         return False
 
     def _was_no_fall(self) -> bool:

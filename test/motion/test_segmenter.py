@@ -270,6 +270,12 @@ def test_a_body_that_is_caught_ends_its_motion_and_the_next_throw_is_a_toss(fall
     assert [toss_of(one).digest() for one in at_once] == [toss_of(one).digest() for one in ended]
 
 
+def test_a_body_is_looked_at_for_some_frames_before_it_counts_as_held() -> None:
+    """Of a settling time that is shorter than a frame period."""
+    ended = cut(caught(0.6), SegmenterConfig(settle_time=0.001))
+    assert [type(outcome) for outcome in ended] == [Rejected, Toss]
+
+
 def test_noise_at_rest_does_not_put_off_the_next_throw() -> None:
     period = NANOSECONDS // 240
     poses = stream(Throw(carried=0, seen=600), period_ns=period)
