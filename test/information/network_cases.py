@@ -1,6 +1,7 @@
 """Networks and their scores the long way, one transition after the other by automatic differentiation."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +14,7 @@ from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.models.stream_network import StreamNetwork
 from contact_curation.contact.parameter_form import Form
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.network.forward_pass import forward_pass, frozen_copy
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from test.contact.cases import CUBE
@@ -58,3 +60,14 @@ def long_scores(model: Model, rows: Rows, config: LossConfig = DEFAULT_LOSS) -> 
             slopes = [torch.zeros_like(value) if value.grad is None else value.grad for value in values]
             found[name].append(-0.5 * torch.cat([slope.flatten() for slope in slopes]).numpy())
     return {name: np.stack(scores) for name, scores in found.items()}
+
+
+def some_not_solved(model: Model, rows: Rows) -> LossConfig:
+    """As many iterations as just leave transitions unsolved, but not all."""
+    for iterations in range(DEFAULT_LOSS.max_iterations, 0, -1):
+        config = replace(DEFAULT_LOSS, max_iterations=iterations)
+        solved = forward_pass(frozen_copy(model), rows, config).solved
+        if not solved.all():
+            assert solved.any()
+            return config
+    raise AssertionError("all are solved at once")

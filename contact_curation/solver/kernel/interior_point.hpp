@@ -540,17 +540,18 @@ inline Lane larger(Lane a, Lane b) { return select((b <= a) | (a != a), a, b); }
 
 // How far an impulse is from optimal, judged by the objective alone and not by the method's own multipliers.
 //
-// Circular cone: the natural residual |l - proj(l - gradient)|_inf, which is zero at the optimum only. Polyhedral cone: the
-// largest of stationarity, complementarity and infeasibility with the facets' multipliers.
+// Circular cone: the natural residual |l - proj(l - step gradient)|_inf, which is zero at the optimum only, for any step above
+// zero. Polyhedral cone: the largest of stationarity, complementarity and infeasibility with the facets' multipliers, times the
+// step where they are gradients.
 template <bool Circular>
-Lane certificate(const InteriorPoint<Circular> &method) {
+Lane certificate(const InteriorPoint<Circular> &method, Lane step) {
   Lane gradient[kMaxContacts][3];
   objective_gradient(method.problem, method.impulse, gradient);
   Lane worst = broadcast(0.0);
   for (int i = 0; i < method.contacts; ++i) {
     if constexpr (Circular) {
       Lane trial[3], projected[3];
-      for (int c = 0; c < 3; ++c) trial[c] = method.impulse[i][c] - gradient[i][c];
+      for (int c = 0; c < 3; ++c) trial[c] = method.impulse[i][c] - step * gradient[i][c];
       project_circular(trial, projected);
       for (int c = 0; c < 3; ++c) {
         const Lane off = absolute(method.impulse[i][c] - projected[c]);
@@ -562,21 +563,41 @@ Lane certificate(const InteriorPoint<Circular> &method) {
       for (int k = 0; k < kFacets; ++k) {
         const double *row = method.facets[k].row;
         const Lane gap = row[0] * method.impulse[i][0] + row[1] * method.impulse[i][1] + row[2] * method.impulse[i][2];
-        const Lane off = maximum(absolute(gap * method.facet_dual[i][k]), -minimum(gap, method.facet_dual[i][k]));
+        const Lane dual = step * method.facet_dual[i][k];
+        const Lane off = maximum(absolute(gap * dual), -minimum(gap, dual));
         worst = larger(worst, off);
       }
-      for (int c = 0; c < 3; ++c) worst = larger(worst, absolute(gradient[i][c]));
+      for (int c = 0; c < 3; ++c) worst = larger(worst, absolute(step * gradient[i][c]));
     }
   }
   return worst;
+}
+
+// The largest curvature of the objective along one impulse, at least 1: of light bodies, whose velocities change much, it is
+// large. Rounding alone makes gradients that large times an impulse's error; with a step of one over it the natural residual is
+// an error of impulses.
+inline Lane largest_curvature(const ConeProblem &problem) {
+  Lane largest = broadcast(1.0);
+  for (int i = 0; i < problem.contacts; ++i)
+    for (int c = 0; c < 3; ++c) {
+      Lane squared = broadcast(0.0);
+      for (int k = 0; k < 6; ++k) squared += problem.motion[i][c][k] * problem.motion[i][c][k];
+      const int diagonal[3] = {0, 3, 5};
+      largest = maximum(largest, 2.0 * (problem.match_weight * squared + problem.block[i][diagonal[c]]));
+    }
+  return largest;
 }
 
 template <bool Circular>
 void solve_with(const ConeProblem &problem, const SolverOptions &options, ConeSolution &solution) {
   InteriorPoint<Circular> method(problem, options);
   solution.iterations = method.run();
-  solution.residual = certificate<Circular>(method);
+  solution.residual = certificate<Circular>(method, broadcast(1.0));
   solution.solved = solution.residual <= options.residual_tolerance;
+  if (any(~solution.solved)) {
+    const Lane scaled = certificate<Circular>(method, 1.0 / largest_curvature(problem));
+    solution.solved = solution.solved | (scaled <= options.residual_tolerance);
+  }
   for (int i = 0; i < problem.contacts; ++i)
     for (int c = 0; c < 3; ++c) solution.impulse[i][c] = method.impulse[i][c];
 }
