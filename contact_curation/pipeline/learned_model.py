@@ -10,7 +10,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, read_json, write_atomically
-from contact_curation.learning.checkpoints.checkpoint import protocol_of_bytes
+from contact_curation.learning.checkpoints.checkpoint import shape_known_to_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
@@ -132,7 +132,6 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
         body: which it must be for.
     """
     model, notes = model_of_bytes(data, name, body), notes_of_bytes(data, name)
-    protocol = protocol_of_bytes(data, name)
     learned, last, held_out = (_ids(notes.get(key, "")) for key in ("training ids", "fitted ids", "held-out ids"))
     selections = _selected(notes, name)
     if selections:
@@ -145,7 +144,7 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
         held_out=held_out,
         rig=notes.get("rig"),
         at_optimum=OPTIMUM in notes,
-        shape_known_to=None if protocol is None else protocol.shape_known_to,
+        shape_known_to=shape_known_to_of_bytes(data, name),
         data=data,
     )
 

@@ -81,17 +81,20 @@ def training_of_bytes(
     return Training.resumed(model, transitions, held_out, config, memory)
 
 
-def protocol_of_bytes(data: bytes, source: Path | str) -> TrainingConfig | None:
-    """The protocol of the training in the bytes of a checkpoint; None for a model without its training.
+def shape_known_to_of_bytes(data: bytes, source: Path | str) -> float | None:
+    """How exactly the training in the bytes of a checkpoint knew the corners [m]; None where it did not, or there is none.
 
     Raises:
-        UnreadableInputError: no such bytes, or no protocol.
+        UnreadableInputError: no such bytes, or no length.
     """
-    told = unpack(data, source).documents.get("training")
     try:
-        return None if told is None else config_of(told["config"])
+        found = unpack(data, source).documents.get("training", {"config": {}})["config"].get("shape_known_to")
+        value = None if found is None else float(found)
     except MALFORMED as error:
         raise UnreadableInputError(source, f"holds no training ({type(error).__name__}: {error})") from error
+    if value is not None and not (isfinite(value) and value > 0.0):
+        raise UnreadableInputError(source, f"found shape_known_to {value}, expected a positive number of metres")
+    return value
 
 
 def document_of(config: TrainingConfig) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.models.registry import MODELS
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.learning.checkpoints import safetensors_bytes
-from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
+from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, shape_known_to_of_bytes, training_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.training.progress import EarlyStop, TrainingState
@@ -218,6 +218,21 @@ def test_a_document_of_another_form_is_refused(whole: bytes, document: str, path
     else:
         documents[document] = value
     refused(pack(packed.arrays, documents))
+
+
+def test_a_checkpoint_says_how_exactly_its_corners_were_known_as_far_as_it_says_anything(whole: bytes) -> None:
+    packed = unpack(whole, "whole")
+    for value, expected in ((None, None), (0.001, 0.001)):
+        documents = json.loads(json.dumps(packed.documents))
+        documents["training"]["config"]["shape_known_to"] = value
+        assert shape_known_to_of_bytes(pack(packed.arrays, documents), "whole") == expected
+    del documents["training"]["config"]["shape_known_to"]  # of an earlier version
+    assert shape_known_to_of_bytes(pack(packed.arrays, documents), "earlier") is None
+    assert shape_known_to_of_bytes(model_bytes(training_for().model), "a model alone") is None
+    for spoilt in (-1.0, "much", [0.001]):
+        documents["training"]["config"]["shape_known_to"] = spoilt
+        with pytest.raises(UnreadableInputError, match=r"^spoilt: (found shape_known_to -1\.0, expected|holds no training)"):
+            shape_known_to_of_bytes(pack(packed.arrays, documents), "spoilt")
 
 
 @pytest.mark.parametrize("name", ["model/vertices_normal", "moments/vertices_normal/exp_avg", "order"])
