@@ -5,45 +5,42 @@ description has each corner off by 1 or 3 mm in each direction (standard deviati
 from the published initialisation, which knows of no description, stand the described body itself (also with 1.5 times its
 friction), and fits with `shape_known_to` of 1 or 3 mm: as it is, and once 1 mm where it is 3. Of tosses that a rule selects in
 place of random ones, at the described theta, the description is 1 mm off, and is said to be. Two engines judge. Held says how
-often the 95 % interval of a coordinate of a corner, and of friction, holds the truth, where that is known.
+often the 95 % interval of a coordinate of a corner, and of friction, holds the truth; of the cube that is what its authors
+describe.
 
     python -m benchmarks.learning.known_shape [--bodies cube slab irregular] [--sizes 4 8 16] [--seeds 10] [--save ROWS.jsonl]
 
-With --save rows are kept, and those that are there already are not made again.
+With --save rows are kept, and seeds that are there already are not made again.
 """
 
-import argparse
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import torch
 
-from benchmarks.learning.mass_centre import as_described, errors_of
-from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
+from benchmarks.learning import mass_centre
+from benchmarks.learning.mass_centre import Row, as_described, compare, errors_of
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench, select
 from contact_curation.experiments.comparison.intervals import nested_interval
 from contact_curation.experiments.rules import RULES
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
-from contact_curation.learning.fits.exact_fit import optimum, theta_0
+from contact_curation.learning.fits.exact_fit import optimum
 from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.protocols import USUAL_STARTS
 from contact_curation.learning.uncertainty.parameters import KnownConfig, known
-from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import transitions_of
 
 OTHERS = 8
 """Judging tosses that tell the noise."""
 
 MEASURES = ("position", "rotation", "mujoco_position", "mujoco_rotation", "vertices_mm", "friction")
 HELD = ("vertices_held", "friction_held")
-
-type Row = dict[str, Any]
 
 
 class Arm(NamedTuple):
@@ -80,19 +77,19 @@ def described(bench: Bench, off: float, seed: int) -> Bench:
     return replace(bench, body=replace(bench.body, vertices=bench.body.vertices + 1e-3 * off * noise))
 
 
-def fitted(bench: Bench, arm: Arm, data: Transitions, seed: int) -> PolytopeModel:
+def fitted(bench: Bench, arm: Arm, tosses: Sequence[Toss], seed: int) -> PolytopeModel:
     """The optimum of some tosses."""
     if arm.said is None:
-        drawn = initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed))
-        return optimum(theta_0(PolytopeModel(drawn, bench.body, Form.RIGID)), data, ONE_THREAD, 0.0, USUAL_STARTS).model
+        return mass_centre.fitted(bench, tosses, seed)
     body = described(bench, arm.off, seed).body
+    data = transitions_of(tosses, body.length_scale)
     start = PolytopeModel.as_described(body, Form.RIGID, rows_of(data))
     return optimum(start, data, ONE_THREAD, 0.0, USUAL_STARTS, shape=1e-3 * arm.said / body.length_scale).model
 
 
-def held(model: PolytopeModel, bench: Bench, arm: Arm, data: Transitions) -> Row:
+def held(model: PolytopeModel, bench: Bench, arm: Arm, tosses: Sequence[Toss]) -> Row:
     """Shares of the intervals that hold the truth: the body of the bench."""
-    others = transitions_of(list(bench.held_out[:OTHERS]), bench.body.length_scale)
+    data, others = (transitions_of(each, bench.body.length_scale) for each in (tosses, bench.held_out[:OTHERS]))
     shape = None if arm.said is None else 1e-3 * arm.said / bench.body.length_scale
     found = known(model, data, others, KnownConfig(ONE_THREAD).with_shape(shape)).parameters
     truth = 1e3 * bench.body.vertices.ravel()
@@ -102,16 +99,14 @@ def held(model: PolytopeModel, bench: Bench, arm: Arm, data: Transitions) -> Row
     return {"vertices_held": float(np.mean(corners)), "friction_held": float(holds)}
 
 
-def chosen(bench: Bench, arm: Arm, size: int, seed: int) -> Transitions:
+def chosen(bench: Bench, arm: Arm, size: int, seed: int) -> list[Toss]:
     """The tosses that are learned from."""
     if arm.rule == "random":
         places = np.random.default_rng([seed, 7]).permutation(len(bench.training))[:size]
-        tosses = [bench.training[place] for place in places]
-    else:
-        model = as_described(described(bench, arm.off, seed).body)
-        ids = select(RULES[arm.rule], model, bench.training, size, seed)
-        tosses = [toss for toss in bench.training if toss.toss_id in ids]
-    return transitions_of(tosses, bench.body.length_scale)
+        return [bench.training[place] for place in places]
+    model = as_described(described(bench, arm.off, seed).body)
+    ids = select(RULES[arm.rule], model, bench.training, size, seed)
+    return [toss for toss in bench.training if toss.toss_id in ids]
 
 
 def row_of(bench: Bench, arm: Arm, size: int, seed: int) -> Row:
@@ -119,9 +114,18 @@ def row_of(bench: Bench, arm: Arm, size: int, seed: int) -> Row:
     if not size:
         body = described(bench, arm.off, seed).body
         return errors_of(as_described(replace(body, friction=arm.friction * body.friction)), bench, np.zeros(3))
-    data = chosen(bench, arm, size, seed)
-    model = fitted(bench, arm, data, seed)
-    return {**errors_of(model, bench, np.zeros(3)), **held(model, bench, arm, data)}
+    tosses = chosen(bench, arm, size, seed)
+    model = fitted(bench, arm, tosses, seed)
+    return {**errors_of(model, bench, np.zeros(3)), **held(model, bench, arm, tosses)}
+
+
+def rows(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
+    """Of a seed: the described bodies, and fits of each size."""
+    bench, made = bench_of(name, seed), list[Row]()
+    for size, arm in [(0, arm) for arm in DESCRIBED] + [(size, arm) for size in sizes for arm in ARMS]:
+        key = {"body": name, "size": size, "seed": seed, "arm": arm.name}
+        made.append({**key, **row_of(bench, arm, size, seed)})
+    return made
 
 
 def print_table(rows: Sequence[Row]) -> None:
@@ -134,8 +138,9 @@ def print_table(rows: Sequence[Row]) -> None:
         for arm in arms:
             others = [by_arm[arm], by_arm[arms[0]]] if arm != arms[0] else [by_arm[arm]]
             shown = "  ".join(_said(measure, *others) for measure in MEASURES)
-            held = "".join(f"  {key} {np.mean([row[key] for row in by_arm[arm]]):.2f}" for key in HELD if key in by_arm[arm][0])
-            print(f"  {arm:20}{shown}{held}")
+            shares = [(key, np.mean([row[key] for row in by_arm[arm]])) for key in HELD if key in by_arm[arm][0]]
+            shown += "".join(f"  {key} {share:.2f}" for key, share in shares)
+            print(f"  {arm:22}{shown}")
 
 
 def _said(measure: str, after: Sequence[Row], before: Sequence[Row] | None = None) -> str:
@@ -147,33 +152,5 @@ def _said(measure: str, after: Sequence[Row], before: Sequence[Row] | None = Non
     return f"{measure} {mean:.3g} ({interval.low:+.1f}, {interval.high:+.1f})"
 
 
-def main() -> int:
-    """Runs the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--bodies", nargs="+", default=["cube", "slab", "irregular"])
-    parser.add_argument("--sizes", nargs="+", type=int, default=[4, 8, 16])
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--save", type=Path)
-    arguments = parser.parse_args()
-    torch.set_num_threads(1)
-    there = arguments.save is not None and arguments.save.exists()
-    kept: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
-    rows: list[Row] = []
-    for name in arguments.bodies:
-        for seed in range(arguments.seeds):
-            bench = bench_of(name, seed)
-            for size, arm in [(0, arm) for arm in DESCRIBED] + [(size, arm) for size in arguments.sizes for arm in ARMS]:
-                key: Row = {"body": name, "size": size, "seed": seed, "arm": arm.name}
-                row = next((one for one in kept if {**one, **key} == one), None)
-                if row is None:
-                    row = {**key, **row_of(bench, arm, size, seed)}
-                    if arguments.save is not None:
-                        with arguments.save.open("a") as file:
-                            file.write(json.dumps(row) + "\n")
-                rows.append(row)
-    print_table(rows)
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(compare(rows, print_table, ["cube", "slab", "irregular"], [4, 8, 16]))

@@ -16,6 +16,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -148,13 +149,16 @@ def print_table(rows: Sequence[Row], arms: tuple[str, str]) -> None:
 
 
 def compare(
-    make: Callable[[str, Sequence[int], int], list[Row]], arms: tuple[str, str], bodies: list[str], sizes: list[int]
+    make: Callable[[str, Sequence[int], int], list[Row]],
+    show: Callable[[Sequence[Row]], None],
+    bodies: list[str],
+    sizes: list[int],
 ) -> int:
-    """Runs a comparison of two arms as the command line says: rows of a body, sizes and a seed, and the table of all.
+    """Runs a comparison as the command line says: rows of a body, sizes and a seed, and the table of all.
 
     Args:
         make: the rows.
-        arms: what they compare.
+        show: prints the table.
         bodies: by default.
         sizes: of the fits by default.
     """
@@ -177,9 +181,9 @@ def compare(
                     file.writelines(json.dumps(row) + "\n" for row in made)
             print(f"{name}, seed {seed}", file=sys.stderr, flush=True)
             rows += made
-    print_table(rows, arms)
+    show(rows)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(compare(rows_of, ARMS, ["cube", "square"], [4, 8, 16, ALL]))
+    sys.exit(compare(rows_of, partial(print_table, arms=ARMS), ["cube", "square"], [4, 8, 16, ALL]))

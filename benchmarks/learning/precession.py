@@ -10,11 +10,12 @@ Rows that are in the file already are not made again.
 
 import sys
 from collections.abc import Sequence
+from functools import partial
 from unittest import mock
 
 import numpy as np
 
-from benchmarks.learning.mass_centre import Row, as_described, compare, errors_of, fitted
+from benchmarks.learning.mass_centre import Row, as_described, compare, errors_of, fitted, print_table
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.experiments.bodies import bench_of
 
@@ -38,4 +39,4 @@ def rows_of(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
 
 
 if __name__ == "__main__":
-    sys.exit(compare(rows_of, ARMS, ["slab", "wedge", "irregular"], [8, 16]))
+    sys.exit(compare(rows_of, partial(print_table, arms=ARMS), ["slab", "wedge", "irregular"], [8, 16]))

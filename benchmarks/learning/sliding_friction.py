@@ -24,7 +24,7 @@ from unittest import mock
 import numpy as np
 
 from benchmarks.learning import coverage
-from benchmarks.learning.mass_centre import Row, compare, errors_of
+from benchmarks.learning.mass_centre import Row, compare, errors_of, print_table
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of
@@ -106,4 +106,4 @@ if __name__ == "__main__":
     else:
         arms = (PLAIN, BOUNCING if chosen.restitution else SLID)
         sys.argv = [one for one in sys.argv if one != "--restitution"]
-        sys.exit(compare(partial(rows_of, arms=arms), arms, ["cube", "slab", "irregular"], [8, 16]))
+        sys.exit(compare(partial(rows_of, arms=arms), partial(print_table, arms=arms), ["cube", "slab", "irregular"], [8, 16]))

@@ -15,13 +15,14 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from unittest import mock
 
 import numpy as np
 import torch
 
 from benchmarks.learning import coverage, mass_centre
-from benchmarks.learning.mass_centre import Row, compare, errors_of
+from benchmarks.learning.mass_centre import Row, compare, errors_of, print_table
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.experiments.bodies import bench_of
 from contact_curation.geometry.quaternions import Array
@@ -83,4 +84,4 @@ if __name__ == "__main__":
         parser.add_argument("--seeds", type=int, default=5)
         in_worlds(parser.parse_args().seeds)
     else:
-        sys.exit(compare(rows_of, ARMS, ["cube", "slab", "irregular"], [8, 16]))
+        sys.exit(compare(rows_of, partial(print_table, arms=ARMS), ["cube", "slab", "irregular"], [8, 16]))

@@ -79,7 +79,7 @@ class MoreThrows(NamedTuple):
         if self.not_determined:
             names = ", ".join(self.not_determined)
             line = f"what more throws like these would change is not known: they do not determine {names}"
-            return line + "; if the described corners are exact, say shape_known_to" * ("vertex" in names)
+            return line + "; if the described corners are exact, say so (shape_known_to)" * ("vertex" in names)
         usual = f"{self.position:.1f} % of the width and {self.rotation:.1f} degrees"
         most = f"{self.position_95:.1f} % and {self.rotation_95:.1f} degrees"
         change = f"{self.throws} more throws like these change predicted motions by {usual}"

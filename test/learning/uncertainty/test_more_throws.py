@@ -87,7 +87,7 @@ def test_a_vertex_that_touches_nothing_is_named_and_no_number_is_said() -> None:
     assert found.position is None
     assert found.in_words() == (
         "what more throws like these would change is not known: they do not determine vertex 8; "
-        "if the described corners are exact, say shape_known_to"
+        "if the described corners are exact, say so (shape_known_to)"
     )
 
 
