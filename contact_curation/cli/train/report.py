@@ -82,6 +82,8 @@ def print_report(report: TrainReport) -> None:
     print(f"{report.run.plan.kind} trained on {tosses}, {len(data.dt)} transitions")
     _print_left_out(report)
     print(f"{report.seconds:.1f} s: {progress.reason}")
+    if (known_to := report.run.plan.protocol.shape_known_to) is not None:
+        print(f"corners were taken as known to {1e3 * known_to:g} mm")
     if report.run.plan.held_out:
         held_out = counted_tosses(len(report.run.plan.held_out))
         print(f"held-out loss {report.run.loss_before:.4g} before, {report.run.loss_after:.4g} after, on {held_out}")

@@ -141,6 +141,8 @@ def test_a_shape_that_is_known_is_where_it_begins_and_about_where_it_ends(cli: C
     trained = cc.train(folder, held_out="5,6", shape_known_to=0.0005)
     trained.save(tmp_path / "python.safetensors")
     assert trained.shape_known_to == 0.0005
+    said = cli("train", folder, "--out", tmp_path / "said.safetensors", "--held-out", "5,6", "--shape-known-to", "0.0005")
+    assert "corners were taken as known to 0.5 mm" in said.out.splitlines()
     assert numbers(tmp_path / "python.safetensors") == numbers(tmp_path / "known.safetensors")
 
 
