@@ -55,6 +55,9 @@ SLOWEST = 45.0 * RIG_NOISE
 MOMENTS = 50
 """In a period, at which the distance is taken."""
 
+AT_ONCE = 1024
+"""Steps whose flights are fitted together: as many as memory for is never felt."""
+
 
 class _Flight(NamedTuple):
     """Through some frames: pose, and motion in a period, at one of them; times are in periods from there."""
@@ -89,12 +92,16 @@ def lost_frames(positions: Array, orientations_wxyz: Array, period: float, reach
     lost, told = np.zeros(max(len(positions) - 1, 0), dtype=np.int64), 0
     if len(positions) < 2 * SHORT:
         return lost
-    for last in (np.flatnonzero(poses.kinks() > 0.5 * SLOWEST) + 1).tolist():
-        if last < max(told, SHORT - 1) or last >= len(positions) - SHORT:
-            continue
-        found = poses.junction(last)
-        lost[last : last + len(found)] = found
-        told = last + len(found)
+    steps = np.flatnonzero(poses.kinks() > 0.5 * SLOWEST) + 1
+    steps = steps[(steps >= SHORT - 1) & (steps < len(positions) - SHORT)]
+    for block in np.split(steps, range(AT_ONCE, len(steps), AT_ONCE)):
+        ending = poses.flights(block, backwards=True)
+        beginning = poses.flights(np.unique(block[:, np.newaxis] + 1 + np.arange(BETWEEN + 1)), backwards=False)
+        for last in sorted(ending):
+            if last >= told:
+                found = poses.junction(last, ending[last], beginning)
+                lost[last : last + len(found)] = found
+                told = last + len(found)
     return lost
 
 
@@ -120,41 +127,38 @@ class _Poses(NamedTuple):
         steps = np.hstack([np.diff(self.positions, axis=0), self.reach * quaternions.log(turns)])
         return np.asarray(np.linalg.norm(np.diff(steps, axis=0) - np.concatenate([self.fall, np.zeros(3)]), axis=1))
 
-    def flight_to(self, last: int) -> _Flight | None:
-        """The longer part of a flight that ends at a frame, else the short one; None where it does not fly."""
-        return self._flight((last - self.side + 1, self.side), (last - SHORT + 1, SHORT), last)
+    def flights(self, anchors: NDArray[np.int64], backwards: bool) -> dict[int, _Flight]:
+        """Of frames at which a flight begins (backwards: ends), its longer part, else the short one; no others are in it."""
+        flights: dict[int, _Flight] = {}
+        for count, most in ((self.side, FLIES), (SHORT, EXACT)):
+            first = 1 - count if backwards else 0
+            whole = (anchors + first >= 0) & (anchors + first + count <= len(self.positions))
+            left = np.array([anchor for anchor in anchors[whole].tolist() if anchor not in flights], dtype=np.int64)
+            flights |= self._fitted(left, first, count, most)
+        return flights
 
-    def flight_from(self, first: int) -> _Flight | None:
-        """Likewise of the one that begins at a frame."""
-        return self._flight((first, self.side), (first, SHORT), first)
-
-    def _flight(self, long: tuple[int, int], short: tuple[int, int], anchor: int) -> _Flight | None:
-        for (first, count), most in ((long, FLIES), (short, EXACT)):
-            if first >= 0 and first + count <= len(self.positions):
-                flight = self._fitted(first, count, anchor)
-                if flight.misfit <= most:
-                    return flight
-        return None
-
-    def _fitted(self, first: int, count: int, anchor: int) -> _Flight:
-        """Through `count` frames, told from frame `anchor`; misfit is infinite where many do not fall."""
-        frames = slice(first, first + count)
-        times = np.arange(first, first + count) - anchor
-        turns = self._turns(anchor, frames)
-        rows = np.hstack([self.positions[frames] - 0.5 * np.outer(times**2, self.fall), turns])
-        line, bends = _least_squares(count, first - anchor)
-        start, rate = line @ rows
-        off = rows - (start + times[:, np.newaxis] * rate)
-        off[:, 3:] *= self.reach
-        turned = quaternions.multiply(self.orientations_wxyz[anchor], quaternions.exp(start[3:]))
-        misfit, long = float(np.sqrt(np.mean(off**2))), count > SHORT
-        if long and abs(bends @ self.positions[frames, 2] - self.fall[2]) > FALLS * abs(self.fall[2]):
-            misfit = np.inf
-        return _Flight(start[:3], rate[:3], turned, rate[3:], self.fall, misfit, long)
-
-    def _turns(self, anchor: int, frames: slice) -> Array:
-        back = quaternions.conjugate(self.orientations_wxyz[anchor])
-        return quaternions.log(quaternions.multiply(back, self.orientations_wxyz[frames]))
+    def _fitted(self, anchors: NDArray[np.int64], first: int, count: int, most: float) -> dict[int, _Flight]:
+        """Those through `count` frames, from the `first`-th after each anchor on, that fly with a misfit of `most`."""
+        times = np.arange(first, first + count)
+        frames = anchors[:, np.newaxis] + times
+        positions, own = self.positions[frames], self.orientations_wxyz[anchors]
+        turns = quaternions.log(quaternions.multiply(quaternions.conjugate(own)[:, np.newaxis], self.orientations_wxyz[frames]))
+        rows = np.concatenate([positions - 0.5 * np.outer(times**2, self.fall), turns], axis=2)
+        line, bends = _least_squares(count, first)
+        lines = line @ rows
+        off = rows - (lines[:, :1] + times[:, np.newaxis] * lines[:, 1:])
+        off[..., 3:] *= self.reach
+        misfits, long = np.sqrt((off**2).mean(axis=(1, 2))), count > SHORT
+        flies = misfits <= most
+        if long:
+            flies &= np.abs(positions[..., 2] @ bends - self.fall[2]) <= FALLS * abs(self.fall[2])
+        turned = quaternions.multiply(own, quaternions.exp(lines[:, 0, 3:]))
+        return {
+            int(anchors[i]): _Flight(
+                lines[i, 0, :3], lines[i, 1, :3], turned[i], lines[i, 1, 3:], self.fall, float(misfits[i]), long
+            )
+            for i in np.flatnonzero(flies).tolist()
+        }
 
     def distances(self, frame: int, flight: _Flight, times: Array) -> Array:
         """(N,) of a frame from a flight at some times."""
@@ -164,17 +168,15 @@ class _Poses(NamedTuple):
         turns = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations), other_orientations))
         return np.hstack([positions - others, self.reach * turns])
 
-    def junction(self, last: int) -> list[int]:
+    def junction(self, last: int, before: _Flight, beginning: dict[int, _Flight]) -> list[int]:
         """Frames lost in the steps from frame `last`, where a flight ends, to where the next begins; empty if none is told."""
-        before = self.flight_to(last)
-        if before is None or np.linalg.norm(np.append(before.velocity, self.reach * before.turn)) < SLOWEST:
+        if np.linalg.norm(np.append(before.velocity, self.reach * before.turn)) < SLOWEST:
             return []
         if self.distances(last + 1, before, np.ones(1))[0] < LEAVES * max(before.misfit, RIG_NOISE):
             return []
-        for first in range(last + 1, min(last + 2 + BETWEEN, len(self.positions) - SHORT + 1)):
-            after = self.flight_from(first)
-            if after is not None:
-                return self._lost_between(last, before, first, after)
+        for first in range(last + 1, last + 2 + BETWEEN):
+            if first in beginning:
+                return self._lost_between(last, before, first, beginning[first])
         return []
 
     def _lost_between(self, last: int, before: _Flight, first: int, after: _Flight) -> list[int]:
