@@ -1,7 +1,7 @@
 """The project's own former words for things that have a standard name stay out of code, docs and messages."""
 
 import re
-from collections.abc import Iterator
+from functools import cache
 
 import pytest
 
@@ -41,21 +41,25 @@ EXCEPT = {"docs/method.md", "test/docs/test_words.py", *OF_OLD_FILES}
 """Beside older files: the method cites the paper and its studies."""
 
 
-def lines() -> Iterator[tuple[str, str]]:
-    """Each line of the project's texts, with where it stands."""
-    for root in ROOTS:
-        top = REPOSITORY / root
-        for path in [top] if top.is_file() else sorted(top.rglob("*")):
-            name = path.relative_to(REPOSITORY).as_posix()
-            if path.suffix in SUFFIXES and name not in EXCEPT:
-                for number, line in enumerate(path.read_text().splitlines(), start=1):
-                    yield f"{name}:{number}", line
+@cache
+def texts() -> dict[str, str]:
+    """The project's texts by name."""
+    tops = [REPOSITORY / root for root in ROOTS]
+    paths = [path for top in tops for path in ([top] if top.is_file() else sorted(top.rglob("*"))) if path.suffix in SUFFIXES]
+    named = {path.relative_to(REPOSITORY).as_posix(): path for path in paths}
+    return {name: path.read_text() for name, path in named.items() if name not in EXCEPT}
 
 
 @pytest.mark.parametrize("pattern", FORBIDDEN)
 def test_a_standard_word_is_used_in_place_of_ours(pattern: str) -> None:
     word = re.compile(pattern, re.IGNORECASE)
-    found = [f"{where}: {line.strip()}" for where, line in lines() if word.search(line)]
+    found = [
+        f"{name}:{number}: {line.strip()}"
+        for name, text in texts().items()
+        if word.search(text)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if word.search(line)
+    ]
     assert not found, f"write {FORBIDDEN[pattern]} instead:\n" + "\n".join(found)
 
 

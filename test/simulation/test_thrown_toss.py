@@ -48,7 +48,7 @@ def test_bodies_of_any_size_sink_less_than_the_gates_allow(half_width: float) ->
         inertia=1e6 * half_width**5 * 2.0 / 3.0 * np.eye(3),
         length_scale=half_width,
     )
-    states = np.array([throw.release for throw in THROWS])
+    states = np.array([throw.release for throw in THROWS[:6]])
     states[:, 2] += np.sqrt(3.0) * max(half_width - 0.0524, 0.0)
     throws = [throw_of_state(f"throw-{number}", "cube", state) for number, state in enumerate(states)]
     config = replace(DEFAULT_THROWN, world=WorldConfig.of_body(body))
