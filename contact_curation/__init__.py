@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from contact_curation.pipeline.evaluated import Evaluation
     from contact_curation.pipeline.learned_model import LearnedModel, load_model
     from contact_curation.pipeline.ranked import RankedTosses
+    from contact_curation.pipeline.recordings.poses import write_poses
     from contact_curation.pipeline.toss_scores import TossScores
     from contact_curation.pipeline.tosses import Tosses
 
@@ -42,6 +43,7 @@ __all__ = [
     "read",
     "score",
     "train",
+    "write_poses",
 ]
 
 _HOMES = {
@@ -55,6 +57,7 @@ _HOMES = {
     "Evaluation": "pipeline.evaluated",
     "DesignedThrows": "pipeline.design",
     "load_model": "pipeline.learned_model",
+    "write_poses": "pipeline.recordings.poses",
     **dict.fromkeys(("read", "check", "score", "rank", "train", "evaluate"), "pipeline.api"),
 }
 

@@ -1,4 +1,4 @@
-"""`import contactnets DIR --out BAG.mcap`: writes public data as the bag that a rig would have recorded."""
+"""`import contactnets DIR` and `import poses FILE...`: write other data as the bag that a rig would have recorded."""
 
 import argparse
 from collections.abc import Callable
@@ -8,15 +8,17 @@ from pathlib import Path
 from contact_curation.cli.options.body import add_body_option, chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
+from contact_curation.cli.options.types import positive_number
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import InvalidValueError
 from contact_curation.pipeline.division import spans_of
+from contact_curation.pipeline.wording import counted
 
 
 def add_options(verb: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
-    verb.description = "Writes public data as the bag that a rig would have recorded of it, for `rank` and the nodes to read."
+    verb.description = "Writes other data as the bag that a rig would have recorded of it, for `check`, `rank` and the nodes."
     sources = verb.add_subparsers(title="data", metavar="DATA", required=True)
     parser = sources.add_parser(
         "contactnets",
@@ -25,19 +27,42 @@ def add_options(verb: OneLineParser) -> None:
         "body in the map, and the board's place. The frames just before and after each toss are made up and belong to no toss.",
     )
     parser.add_argument("input", type=Path, metavar="DIR", help="folder of N.pt files, or one file")
+    parser.add_argument("--tosses", metavar="NUMBERS", help="numbers of the files to import: 0-399, or 3,7-9 (default all)")
+    _finish(parser, run)
+    parser.set_examples(
+        "contact-curation import contactnets contactnets/tosses_processed --out tosses.mcap",
+        "contact-curation import contactnets tosses_processed --tosses 0-399 --out learning.mcap",
+    )
+    poses = sources.add_parser(
+        "poses",
+        help="poses over time in files of text, as motion capture and pose estimators write them",
+        description="Writes poses over time, a row of text each, as the bag that a tracker would have recorded. A header "
+        "names the columns: time, x, y, z, qx, qy, qz, qw, in any order, or such as pose.position.x; without a header they "
+        "are in this order (TUM's trajectories). Times are in s, ms, us or ns; lengths in m, or in mm if the header says so.",
+    )
+    poses.add_argument("input", type=Path, metavar="FILE", nargs="+", help="a table of poses; several follow each other")
+    poses.add_argument("--rate", type=positive_number, metavar="HZ", help="poses in a second, of files without times")
+    poses.add_argument("--up", choices=("x", "y", "z"), default="z", help="axis of the poses' frame that points up (default z)")
+    _finish(poses, run_poses)
+    poses.set_examples(
+        "contact-curation import poses mocap.csv --body brick.yaml --out session.mcap",
+        "contact-curation import poses throws/*.txt --rate 120 --out throws.mcap",
+    )
+    verb.set_examples(
+        "contact-curation import contactnets contactnets/tosses_processed --out tosses.mcap",
+        "contact-curation import poses mocap.csv --body brick.yaml --out session.mcap",
+    )
+
+
+def _finish(parser: OneLineParser, runs: Callable[[argparse.Namespace], int]) -> None:
+    """Adds what all kinds of data have."""
     parser.add_argument(
         "--out", type=Path, required=True, metavar="BAG.mcap", help="bag to write; without .mcap a rosbag2 folder"
     )
     add_overwrite_option(parser)
-    parser.add_argument("--tosses", metavar="NUMBERS", help="numbers of the files to import: 0-399, or 3,7-9 (default all)")
     add_body_option(parser)
     add_json_option(parser)
-    for each in (verb, parser):
-        each.set_examples(
-            "contact-curation import contactnets contactnets/tosses_processed --out tosses.mcap",
-            "contact-curation import contactnets tosses_processed --tosses 0-399 --out learning.mcap",
-        )
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=runs)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -61,6 +86,34 @@ def run(arguments: argparse.Namespace) -> int:
         print(
             f"{arguments.out}: {report.tosses} tosses, {report.frames} frames, {len(report.skipped)} files skipped; "
             f"{report.timed_steps} of {report.steps} periods recovered for certain"
+        )
+    return 0
+
+
+def run_poses(arguments: argparse.Namespace) -> int:
+    """Writes the bag and prints a summary."""
+    from contact_curation.storage.datasets.pose_bag import import_poses
+    from contact_curation.storage.datasets.pose_table import TUM
+
+    check_outputs(overwrite=arguments.overwrite, out=arguments.out)
+    with Progress("importing", "files") as bar:
+        report = import_poses(
+            arguments.input,
+            arguments.out,
+            chosen_body(arguments, said=False),
+            arguments.rate,
+            arguments.up,
+            advance=lambda share: bar.advance(share=share),
+        )
+    unnamed = [f"{name}: columns have no names, taken as {', '.join(TUM)}" for name in report.unnamed]
+    warn([*report.left_out, *unnamed])
+    if arguments.json:
+        print_json({"out": str(arguments.out), **asdict(report)})
+    else:
+        moved = f"; times of {counted(report.moved, 'recording')} moved" if report.moved else ""
+        print(
+            f"{arguments.out}: {counted(report.recordings, 'recording')}, {report.poses} poses in {report.seconds:.1f} s "
+            f"({(report.poses - report.recordings) / max(report.seconds, 1e-9):.4g} Hz){moved}"
         )
     return 0
 

@@ -59,6 +59,12 @@ half_extents: [0.05, 0.04, 0.03]
 gravity: 9.81
 center_of_mass: [0, 0, 0.001]
 """
+POSES = (
+    "# timestamp tx ty tz qx qy qz qw\n1.00 0 0 1 0 0 0 1\n1.01 0 0 0.9 0 0 0 1\n",
+    "sec,nanosec,pose.position.x,p.y,p.z,q.w,q.x,q.y,q.z,frame\n1,5,0,0,1,1,0,0,0,map\n1,10000005,,,,,,,,map\n",
+    ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\nFrame,Time [ms],X,Y,Z,W,X [mm],Y,Z\n0,0,0,0,0,1,0,0,1\n",
+    "t;x;y;z;qw;qx;qy;qz\n0,5;0,1;0;1;1;0;0;0\n0,51;0,1;0;1;1;0;0;0\n",
+)
 CORNERS = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 
@@ -132,6 +138,7 @@ def seeds(folder: Path) -> Iterator[tuple[str, bytes]]:
     yield "throws", (folder / "throws.json").read_bytes()
     torch.save(torch.arange(4.0 * 19, dtype=torch.float64).reshape(1, 4, 19) / 40.0, folder / "1.pt")
     yield "pt", (folder / "1.pt").read_bytes()
+    yield from (("poses", one.encode()) for one in POSES)
     names = ("vertices_normal", "normal", "vertices_tangent", "tangents")
     yield "parameters", json.dumps({name: getattr(geometry, name).tolist() for name in names}).encode()
     yield "node_parameters", (CONFIG / "nodes.yaml").read_bytes()[:4000]

@@ -27,6 +27,7 @@ from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.session.parameter_files import read_node_parameters
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import read_contactnets
+from contact_curation.storage.datasets.pose_table import PoseTable
 from contact_curation.storage.inputs.bag_tosses import read_bag_tosses
 from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.manifest.file import read_manifest
@@ -128,6 +129,11 @@ def _pt(path: Path) -> None:
         pass
 
 
+def _poses(path: Path) -> None:
+    for _ in PoseTable(path):
+        pass
+
+
 def _message(path: Path) -> None:
     from test.fuzz.messages import read_message  # ROS, which the other targets need not load
 
@@ -169,6 +175,7 @@ TARGETS: dict[str, Target] = {
     "manifest": Target(read_manifest, (".csv", ".json", ".parquet")),
     "throws": Target(_throws, (".json",)),
     "pt": Target(_pt, (".pt",)),
+    "poses": Target(_poses, (".csv",)),
     "parameters": Target(_parameters, (".json",)),
     "node_parameters": Target(read_node_parameters, (".yaml",)),
     "messages": Target(_message, (".cdr",)),

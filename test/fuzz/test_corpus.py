@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 
 import pytest
+import torch  # noqa: F401  (before readers are watched: it starts a process)
 
 from test.fuzz.targets import TARGETS, TouchedError, read
 

@@ -173,7 +173,7 @@ def record(bag: BagWriter, body: Body, tosses: Iterable[Toss], rig: TagslamRig) 
     Raises:
         InvalidValueError: a toss is of another body.
     """
-    messages = _Messages(rig, f"body_{body.name}")
+    messages = RigMessages(rig, f"body_{body.name}")
     x, y, z = (-body.center_of_mass).tolist()
     tracked = ScalarPose((x, y, z), IDENTITY.orientation_wxyz)
     bag.note(RULES_NOTE, note_of_rules(rig.rules))
@@ -205,7 +205,7 @@ def _frames(toss: Toss, start_ns: int, rig: TagslamRig) -> Iterator[tuple[int, S
         yield start_ns + stamp_ns, ScalarPose((x, y, z), (w, qx, qy, qz))
 
 
-class _Messages:
+class RigMessages:
     """Makes the rig's messages with the types of ROS 2 Jazzy."""
 
     def __init__(self, rig: TagslamRig, body_frame: str) -> None:

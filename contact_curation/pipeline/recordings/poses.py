@@ -1,0 +1,72 @@
+"""Poses in arrays, written as a bag: how poses that are no recording yet get to everything that reads recordings."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.scalars import ScalarPose
+from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.pipeline.carried_body import GivenBody, body_of
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.datasets.pose_bag import PoseWriter
+from contact_curation.storage.datasets.pose_table import PoseRow
+from contact_curation.storage.saved_path import saved_path
+
+UNIT = 0.01
+"""Largest distance of a quaternion's length from 1."""
+
+
+def write_poses(
+    path: str | Path,
+    times: ArrayLike,
+    positions: ArrayLike,
+    orientations_wxyz: ArrayLike,
+    body: GivenBody,
+    *,
+    overwrite: bool = False,
+) -> int:
+    """Writes poses over time as the bag that a tracker would have recorded of them, for `check`, `read` and `rank`.
+
+    Args:
+        path: of the bag, ``*.mcap``.
+        times: (T,) of the poses, ascending [s].
+        positions: (T, 3) of the body's frame, z up and 0 on the board [m].
+        orientations_wxyz: (T, 4) unit quaternions that take the body's frame to the board's.
+        body: the tracked object, or its file; only its name counts.
+        overwrite: whether to replace a file that is there.
+
+    Returns:
+        The number of poses written. Poses that are not finite, as where a tracker lost the body, are left out.
+
+    Raises:
+        InvalidValueError: shapes that do not go together, times that do not ascend, quaternions whose length is not 1, or a
+            file that must not be replaced or cannot be written.
+
+    Examples:
+        >>> cc.write_poses("session.mcap", times, positions, orientations_wxyz, body)
+        9143
+        >>> print(cc.check("session.mcap", body))
+    """
+    stamps, places, turns = (np.asarray(values, dtype=float) for values in (times, positions, orientations_wxyz))
+    count = stamps.size
+    shapes = {"times": (stamps, (count,)), "positions": (places, (count, 3)), "orientations_wxyz": (turns, (count, 4))}
+    for name, (values, shape) in shapes.items():
+        if values.shape != shape or not count:
+            raise InvalidValueError(name, f"shape {values.shape}", f"{shape}" if count else "at least one pose")
+    known = np.isfinite(np.column_stack([stamps, places, turns])).all(axis=1)
+    stamps, places, turns = stamps[known], places[known], turns[known]
+    if np.any(np.diff(stamps) <= 0.0):
+        first = int(np.flatnonzero(np.diff(stamps) <= 0.0)[0])
+        raise InvalidValueError("times", f"{stamps[first]:.9g} s and then {stamps[first + 1]:.9g} s", "times that ascend")
+    off = np.linalg.norm(turns, axis=1) - 1.0
+    if np.any(np.abs(off) > UNIT):
+        raise InvalidValueError("orientations_wxyz", f"length {1.0 + off[np.abs(off).argmax()]:.3g}", "unit quaternions")
+    stamps_ns = np.rint(stamps * NANOSECONDS).astype(np.int64)
+    rows = (
+        PoseRow(stamp_ns, ScalarPose((x, y, z), (qw, qx, qy, qz)))
+        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(stamps_ns.tolist(), places.tolist(), turns.tolist())
+    )
+    with BagWriter(saved_path(path, (".mcap",), overwrite=overwrite)) as bag:
+        return PoseWriter(bag, body_of(body)).write(rows)

@@ -1,0 +1,144 @@
+"""`import poses`: tables of poses, as other programs write them, give the tosses of the bag that they came from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contact_curation as cc
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import InvalidValueError
+from test.cli.commands import Cli
+from test.storage.pose_text import Poses, board_poses, text
+
+
+@pytest.fixture(scope="module")
+def poses(golden_bag: Path) -> Poses:
+    return board_poses(golden_bag)
+
+
+@pytest.fixture(scope="module")
+def tosses(golden_bag: Path) -> cc.Tosses:
+    return cc.read(golden_bag, CONTACTNETS_CUBE)
+
+
+def check_same(found: cc.Tosses, expected: cc.Tosses) -> None:
+    assert (len(found.accepted), len(found.rejected)) == (len(expected.accepted), len(expected.rejected))
+    for one, other in zip(found.accepted, expected.accepted):
+        np.testing.assert_allclose(one.positions, other.positions, atol=2e-6)
+        np.testing.assert_allclose(np.diff(one.stamps_ns), np.diff(other.stamps_ns), atol=1100)
+
+
+@pytest.mark.parametrize("dialect", ["tum", "bare", "euroc", "plotjuggler", "echo", "excel", "motive"])
+def test_a_table_gives_the_tosses_of_its_bag(cli: Cli, poses: Poses, tosses: cc.Tosses, dialect: str, tmp_path: Path) -> None:
+    source, out = tmp_path / f"{dialect}.csv", tmp_path / "poses.mcap"
+    source.write_text(text(dialect, poses))
+    done = cli("import", "poses", source, "--out", out, *(["--up", "y"] if dialect == "motive" else []))
+    assert (done.status, done.out.split(", ")[1].split(" poses")[0]) == (0, str(len(poses.stamps_ns)))
+    assert ("columns have no names" in done.err) == (dialect == "bare")
+    found = cc.read(out, CONTACTNETS_CUBE)
+    check_same(found, tosses)
+    if dialect not in ("excel", "motive"):  # whose times begin at 0
+        assert [toss.toss_id for toss in found.accepted] == [toss.toss_id for toss in tosses.accepted]
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("rate", [30.0, 1000.0])
+def test_the_unit_of_times_is_told_by_their_steps(cli: Cli, unit: str, rate: float, tmp_path: Path) -> None:
+    scale = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[unit]
+    rows = [f"{(5.0 + number / rate) * scale:.12g} 0 0 1 0 0 0 1" for number in range(1, 40)]
+    (tmp_path / "poses.txt").write_text("\n".join(rows))
+    done = cli("import", "poses", tmp_path / "poses.txt", "--out", tmp_path / "poses.mcap", "--json")
+    assert done.json["seconds"] == pytest.approx(38 / rate, rel=1e-4)
+
+
+def test_rows_without_a_pose_are_counted_and_a_file_cut_short_is_read(cli: Cli, tmp_path: Path) -> None:
+    rows = ["t,x,y,z,qx,qy,qz,qw", "1,0,0,1,0,0,0,1", "1.01,,,,,,,", "1.02,nan,0,1,0,0,0,1", "1.03,0,0,1,0,0,0,1", "1.04,0,0"]
+    (tmp_path / "poses.csv").write_text("\n".join(rows))
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap")
+    assert done.out == f"{tmp_path / 'poses.mcap'}: 1 recording, 2 poses in 0.0 s (33.33 Hz)\n"
+    where = f"contact-curation: warning: {tmp_path / 'poses.csv'}"
+    assert done.err == f"{where}: left out 3 rows without a pose (line 3: found '', expected a number)\n"
+
+
+def test_recordings_that_begin_at_0_follow_each_other_and_lose_nothing(cli: Cli, poses: Poses, tmp_path: Path) -> None:
+    half = len(poses.stamps_ns) // 2
+    for name, part in (("a", slice(0, half)), ("b", slice(half, None))):
+        cut = Poses(poses.stamps_ns[part], poses.positions[part], poses.orientations_wxyz[part])
+        (tmp_path / f"{name}.csv").write_text(text("excel", cut))
+    done = cli("import", "poses", tmp_path / "a.csv", tmp_path / "b.csv", "--out", tmp_path / "poses.mcap", "--json")
+    assert (done.json["recordings"], done.json["poses"], done.json["moved"]) == (2, len(poses.stamps_ns), 2)
+    found = cc.read(tmp_path / "poses.mcap", CONTACTNETS_CUBE)
+    assert len(found.accepted) + len(found.rejected) in (23, 24, 25)  # the cut may lie in a motion
+    assert len({toss.toss_id for toss in found.accepted}) == len(found.accepted)
+
+
+def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "poses.txt").write_text("0 0 1 0 0 0 1\n" * 101)
+    done = cli("import", "poses", tmp_path / "poses.txt", "--rate", "50", "--out", tmp_path / "poses.mcap", "--json")
+    assert (done.status, done.json["poses"], done.json["seconds"]) == (0, 101, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("content", "options", "said"),
+    [
+        ("", [], "found no numbers in the first 100 lines; expected columns named time, x, y, z, qx, qy, qz, qw"),
+        ("\0\1\2" * 50, [], "found no text in line 1, expected a row of numbers"),
+        ("1 2 3\n" * 5, [], "found no numbers in the first 100 lines"),
+        ("1 2 3 4 5 6 7 8 9\n", [], "found 9 columns without names; expected columns named"),
+        ("t,x,y,z,roll,pitch,yaw,flag\n1,2,3,4,5,6,7,8\n", [], "found no column of qw, qx, qy, qz in t, x, y, z, roll, pitch"),
+        ("t,a/x,a/y,a/z,b.position.x,qx,qy,qz,qw\n" + "1," * 9, [], "found no column of x, y, z in t, a/x"),
+        ("t,p.x,y,z,x,qx,qy,qz,qw\n" + "1," * 9, [], "found 2 columns of x (p.x, x); expected columns named"),
+        ("x,y,z,qx,qy,qz,qw\n0,0,1,0,0,0,1\n", [], "rate: found none, and no times in"),
+        ("t,x,y,z,qx,qy,qz,qw\n1,0,0,1,0,0,0,1\n", ["--rate", "50"], "rate: found 50, and times in"),
+        ("t,x,y,z,qx,qy,qz,qw\n1,0,0,1,0,0,0,?\n", [], "found no pose (line 2: found '?', expected a number)"),
+        ("t,x,y,z,qx,qy,qz,qw\n1e99,0,0,1,0,0,0,1\n", [], "found no pose (line 2: found no time)"),
+        ("t,x,y,z,qx,qy,qz,qw\n5,0,0,1,0,0,0,1\n-9,0,0,1,0,0,0,1\n", [], "log time of a message on /tagslam/odom/body_cube"),
+    ],
+)
+def test_what_is_no_table_of_poses_is_one_line_and_leaves_no_bag(
+    cli: Cli, content: str, options: list[str], said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "poses.csv").write_text(content)
+    done = cli("import", "poses", tmp_path / "poses.csv", *options, "--out", tmp_path / "poses.mcap")
+    assert (done.status, done.out, done.err.count("\n")) == (1, "", 1)
+    assert said in done.err
+    assert [path.name for path in tmp_path.iterdir()] == ["poses.csv"]
+
+
+def test_a_file_that_is_not_there_is_one_line(cli: Cli, tmp_path: Path) -> None:
+    done = cli("import", "poses", tmp_path / "none.csv", "--out", tmp_path / "poses.mcap")
+    assert (done.status, done.err) == (1, f"contact-curation: error: {tmp_path / 'none.csv'}: No such file or directory\n")
+
+
+def test_poses_in_arrays_are_written_likewise(poses: Poses, tosses: cc.Tosses, tmp_path: Path) -> None:
+    out, times = tmp_path / "poses.mcap", 1e-9 * (np.array(poses.stamps_ns) - poses.stamps_ns[0])
+    lost = np.array(poses.positions)
+    lost[5] = np.nan
+    written = cc.write_poses(out, times, lost, poses.orientations_wxyz, CONTACTNETS_CUBE)
+    assert written == len(times) - 1
+    check_same(cc.read(out, CONTACTNETS_CUBE), tosses)
+    with pytest.raises(InvalidValueError, match="overwrite=True"):
+        cc.write_poses(out, times, lost, poses.orientations_wxyz, CONTACTNETS_CUBE)
+
+
+@pytest.mark.parametrize(
+    ("times", "positions", "orientations", "said"),
+    [
+        ([0.0, 1.0], np.zeros((3, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), r"positions: found shape \(3, 3\), expected \(2, 3\)"),
+        ([0.0, 0.0], np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), "times: found 0 s and then 0 s, expected times that"),
+        (
+            [0.0, 1.0],
+            np.zeros((2, 3)),
+            np.zeros((2, 4)),
+            "orientations_wxyz: found length 0, expected unit quaternions",
+        ),
+        ([], np.zeros((0, 3)), np.zeros((0, 4)), "at least one pose"),
+    ],
+)
+def test_arrays_that_are_no_poses_are_refused(
+    times: list[float], positions: np.ndarray, orientations: np.ndarray, said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InvalidValueError, match=said):
+        cc.write_poses(tmp_path / "poses.mcap", times, positions, orientations, CONTACTNETS_CUBE)
+    assert not list(tmp_path.iterdir())
