@@ -259,9 +259,13 @@ def test_no_damage_of_many_ends_in_another_error_than_ours(tmp_path: Path, kind:
     ("name", "content", "expected"),
     [
         ("empty.mcap", b"", "is empty"),
-        ("text.mcap", b"just some text\n", "begins with b'just some text"),
+        (
+            "text.mcap",
+            b"just some text\n",
+            "begins with b'just some text.*; poses in a file of text become a bag by `import poses`",
+        ),
         ("text.bag", b"#ROSBAG V1.1\n", "ROS 1 bag \\(version 2.0\\)"),
-        ("half.mcap", MAGIC[:5], "begins with"),
+        ("half.mcap", MAGIC[:5], r"begins with .*\(version 2\.0\)$"),
         ("empty.db3", b"SQLite format 3\0", "rosbag2 database"),
     ],
 )

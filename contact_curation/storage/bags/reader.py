@@ -130,7 +130,12 @@ def _opened(file: BagFile, head: bytes, limits: BagLimits, losses: Losses) -> Ba
         return open_ros1(file, limits, losses)
     if not head:
         raise UnreadableInputError(file.path, f"is empty; expected {KINDS}")
-    raise UnreadableInputError(file.path, f"begins with {head!r}; expected {KINDS}")
+    table = "; poses in a file of text become a bag by `import poses`" if _is_text(head) else ""
+    raise UnreadableInputError(file.path, f"begins with {head!r}; expected {KINDS}{table}")
+
+
+def _is_text(head: bytes) -> bool:
+    return all(byte in b"\t\r\n" or byte >= 0x20 for byte in head)
 
 
 def _unpacked(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -> Path:
