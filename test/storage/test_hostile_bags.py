@@ -262,7 +262,7 @@ def test_no_damage_of_many_ends_in_another_error_than_ours(tmp_path: Path, kind:
         (
             "text.mcap",
             b"just some text\n",
-            "begins with b'just some text.*; poses in a file of text become a bag by `import poses`",
+            "begins with b'just some text.*; poses in a file of text become",
         ),
         ("text.bag", b"#ROSBAG V1.1\n", "ROS 1 bag \\(version 2.0\\)"),
         ("half.mcap", MAGIC[:5], r"begins with .*\(version 2\.0\)$"),

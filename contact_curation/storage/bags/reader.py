@@ -7,6 +7,7 @@ name), merging in order of log time (here), decoding to an object (`bags.decodin
 import hashlib
 import heapq
 import tempfile
+from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from functools import cached_property
@@ -135,7 +136,7 @@ def _opened(file: BagFile, head: bytes, limits: BagLimits, losses: Losses) -> Ba
 
 
 def _is_text(head: bytes) -> bool:
-    return all(byte in b"\t\r\n" or byte >= 0x20 for byte in head)
+    return all(byte in b"\t\r\n" or 0x20 <= byte < 0x7F for byte in head.removeprefix(BOM_UTF8))
 
 
 def _unpacked(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -> Path:
