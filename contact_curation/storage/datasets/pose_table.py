@@ -8,6 +8,7 @@ tab or spaces part the columns.
 import math
 import re
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
 from functools import partial
 from itertools import islice, pairwise
@@ -261,12 +262,21 @@ def _words(name: str) -> list[str]:
 
 
 def _time(text: str) -> Decimal | None:
-    """A time with all of its digits; None for what is none."""
+    """A time with all of its digits, a date (ISO 8601, UTC if it does not say) as seconds since 1970; None for what is none."""
     try:
         value = Decimal(text)
     except InvalidOperation:
-        return None
+        return _date(text)
     return value if value.is_finite() and abs(value) < LARGEST_TIME else None
+
+
+def _date(text: str) -> Decimal | None:
+    try:
+        date = datetime.fromisoformat(text)
+    except ValueError:
+        return None
+    passed = (date if date.tzinfo else date.replace(tzinfo=UTC)) - datetime.fromtimestamp(0, UTC)
+    return Decimal(passed // timedelta(microseconds=1)).scaleb(-6)
 
 
 def _is_number(text: str) -> bool:

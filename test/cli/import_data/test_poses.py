@@ -52,6 +52,13 @@ def test_the_unit_of_times_is_told_by_their_steps(cli: Cli, unit: str, rate: flo
     assert done.json["seconds"] == pytest.approx(38 / rate, rel=1e-4)
 
 
+def test_times_may_be_dates(cli: Cli, tmp_path: Path) -> None:
+    rows = ["time,x,y,z,qx,qy,qz,qw", "2026-11-28 10:00:00.0067,0,0,1,0,0,0,1", "2026-11-28T11:00:00.0134+01:00,0,0,1,0,0,0,1"]
+    (tmp_path / "poses.csv").write_text("\n".join(rows))
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json")
+    assert (done.json["poses"], done.json["moved"], done.json["seconds"]) == (2, 0, pytest.approx(0.0067))
+
+
 def test_rows_without_a_pose_are_counted_and_a_file_cut_short_is_read(cli: Cli, tmp_path: Path) -> None:
     rows = ["t,x,y,z,qx,qy,qz,qw", "1,0,0,1,0,0,0,1", "1.01,,,,,,,", "1.02,nan,0,1,0,0,0,1", "1.03,0,0,1,0,0,0,1", "1.04,0,0"]
     (tmp_path / "poses.csv").write_text("\n".join(rows))
