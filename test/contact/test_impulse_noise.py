@@ -16,7 +16,7 @@ from contact_curation.contact.evaluation import (
 )
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.impulse_noise import STEPS_PER_OCTAVE, ImpulseNoise
-from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.loss_config import HEAVIEST, LIGHTEST, LossConfig
 from contact_curation.contact.parameter_form import Form, form_of_geometry, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -37,6 +37,26 @@ def a_theta(noise: ImpulseNoise | None) -> ContactGeometry:
 @pytest.fixture(scope="module")
 def data() -> Transitions:
     return transitions_of(simulated_tosses(3, seed=5), BODY.length_scale)
+
+
+@pytest.mark.parametrize("mass", [0.004, 0.05, 20.0])
+def test_a_mass_beyond_the_bounds_changes_no_loss_and_no_score(data: Transitions, mass: float) -> None:
+    def of(value: float, geometry: ContactGeometry) -> tuple[Any, ...]:
+        body = replace(BODY, mass=value, inertia=BODY.inertia * value / BODY.mass)
+        found = evaluate(geometry, body, data.before, data.after, data.dt, LOSS)
+        assert found.solved.all()
+        return found.terms, found.scores, found.impulses / value
+
+    rigid = a_theta(ImpulseNoise())
+    for found, expected in zip(of(mass, rigid), of(LIGHTEST if mass < LIGHTEST else HEAVIEST, rigid)):
+        np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7 * np.abs(expected).max())
+    assert not np.allclose(of(mass, a_theta(None))[0], of(BODY.mass, a_theta(None))[0])
+
+
+def test_the_version_of_theta_tells_scores_by_another_counted_mass_apart() -> None:
+    light = replace(BODY, mass=0.05)
+    kept, changed = parameters_version(a_theta(None), light), parameters_version(a_theta(ImpulseNoise()), light)
+    assert changed != kept  # the physical form, whose scores a mass still changes, keeps its version
 
 
 def sums(geometry: ContactGeometry, data: Transitions, estimator: Estimator, weights: Array | None = None) -> tuple[Any, ...]:

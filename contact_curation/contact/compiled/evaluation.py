@@ -43,7 +43,9 @@ class CompiledModel(KernelStructure):
     )
 
     def __init__(self, geometry: ContactGeometry, body: Body, config: LossConfig) -> None:
-        inertia = body.gyroscopic_inertia if geometry.is_rigid else None
+        rigid = geometry.is_rigid
+        inertia = body.gyroscopic_inertia if rigid else None
+        weights = (config.for_mass(body.mass) if rigid else config).weights
         super().__init__(
             contacts=geometry.vertex_count,
             vertices_normal=geometry.vertices_normal.ctypes.data,
@@ -57,7 +59,7 @@ class CompiledModel(KernelStructure):
             inertia=(ctypes.c_double * 9)(*([] if inertia is None else inertia.flat)),
             gravity=body.scaled_gravity,
             circular=int(config.cone is Cone.CIRCULAR),
-            **kernel_weights(config.weights),
+            **kernel_weights(weights),
         )
         self.owner = geometry  # ctypes holds bare addresses: keep the arrays alive
 
