@@ -125,6 +125,24 @@ def test_clarabel_finds_no_lower_objective(group: str) -> None:
         assert found == pytest.approx(expected["objective"], abs=3e-8), key
 
 
+def test_an_interior_point_method_at_its_default_tolerance_agrees_as_far_as_readme_says() -> None:
+    check, answers = script("check"), {}
+    for key, given in problems().items():
+        geometry, body, before, after, config = posed(given)
+        frames = Frames.of(body, before, after, [given["dt"]])
+        posed_problem = cone_problems(contacts_of(Theta.of(geometry), frames), frames, config)
+        impulses = clarabel_impulses(posed_problem, 1e-8)
+        answers[key] = {"impulses": impulses[0].tolist(), "objective": float(objectives(posed_problem, impulses).values[0])}
+    errors = check.compare(problems(), answers)
+    digits = {
+        name: [sum(error <= 10.0**-n for error in errors[name].values()) for n in (6, 3)] for name in answers["sliding-00"]
+    }
+    assert digits["objective"][0] > 200
+    assert digits["objective"][1] == 220
+    assert digits["impulses"][0] > 140
+    assert digits["impulses"][1] > 215
+
+
 def test_the_score_is_half_the_slope_of_the_minimal_objective() -> None:
     """The envelope theorem, with impulses that are solved again; in decimals, so that nothing is left to rounding."""
     reference = script("reference")
