@@ -480,9 +480,10 @@ def margin_of(problem: Problem, impulses: Matrix, gradient: Matrix) -> Decimal:
                 values = [dot(row, impulse) for row in facet_rows(facets)]
                 found += [value for value in values if value > SMALLEST_GAP]
                 found += facet_multipliers(slope, values, facets)
-    at = contacts_of(problem, problem.theta)
-    open_ = residuals(problem, problem.theta, impulses, clamped=False)[-len(impulses) :]
-    found += [abs(x) / problem.weights["penetration"].sqrt() for x in open_]
+    at, weight = contacts_of(problem, problem.theta), problem.weights["penetration"].sqrt()
+    if weight:
+        open_ = residuals(problem, problem.theta, impulses, clamped=False)[-len(impulses) :]
+        found += [abs(x) / weight for x in open_]
     speeds = [dot(s, s).sqrt() for s in at.slips]
     return min([*found, *(speed for speed in speeds if speed)])
 

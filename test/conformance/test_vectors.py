@@ -223,6 +223,14 @@ def test_an_implementation_that_assumes_a_number_is_told_by_the_general_problems
     assert min(errors.values()) > 1e-6
 
 
+@pytest.mark.parametrize("name", ["match", "complementarity_normal", "complementarity_tangent", "dissipation", "penetration"])
+def test_the_reference_answers_a_problem_without_one_of_the_terms(name: str) -> None:
+    reference, given = script("reference"), problems()["general-06"]
+    found = reference.expected(reference.problem_of({**given, "weights": {**given["weights"], name: 0.0}}))
+    assert found["terms"][name] == 0.0
+    assert found["certificate"]["gap"] == 0.0
+
+
 def test_torch_s_solver_finds_the_impulses_too() -> None:
     for key in itertools.islice((key for key in IDS if key.startswith("sliding")), 6):
         geometry, body, before, after, config = posed(problems()[key])
