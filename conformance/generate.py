@@ -10,6 +10,7 @@ section 7 of CONVENTIONS.md).
 
 from __future__ import annotations
 
+import argparse
 import json
 import random
 import sys
@@ -465,8 +466,13 @@ def text_of(group: str, problems: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Writes the named groups, or all."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("groups", nargs="*", metavar="GROUP", help=", ".join(GROUPS))
+    groups = parser.parse_args().groups or list(GROUPS)
+    if unknown := set(groups) - set(GROUPS):
+        parser.error(f"unknown group {', '.join(sorted(unknown))}, expected some of {', '.join(GROUPS)}")
     FOLDER.mkdir(exist_ok=True)
-    for group in sys.argv[1:] or GROUPS:
+    for group in groups:
         text = text_of(group, [made(group, n) for n in range(COUNT)])
         (FOLDER / f"{group}.json").write_text(text, encoding="utf-8")
         print(group, len(text), flush=True)

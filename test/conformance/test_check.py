@@ -36,6 +36,15 @@ def test_expected_answers_agree_to_all_digits_and_certify_themselves(tmp_path: P
     assert float(gap.split()[6].rstrip(",")) < 1e-13
 
 
+def test_the_answers_that_the_reference_writes_are_accepted(tmp_path: Path) -> None:
+    path, written = tmp_path / "some.json", tmp_path / "answers.json"
+    path.write_text(json.dumps({"problems": [problems()["sliding-09"]]}), encoding="utf-8")
+    command = [sys.executable, "-I", "-S", str(FOLDER / "reference.py"), str(path)]
+    written.write_text(subprocess.run(command, capture_output=True, text=True, check=True).stdout, encoding="utf-8")
+    done = run(tmp_path, json.loads(written.read_text(encoding="utf-8"))["answers"], "--digits", "15")
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 def test_a_loss_that_is_a_thousandth_off_agrees_to_three_digits_only(tmp_path: Path) -> None:
     off = {KEY: {"loss": 1.0009 * expected()["loss"]}}
     assert run(tmp_path, off, "--digits", "3").returncode == 0
