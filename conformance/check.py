@@ -2,9 +2,10 @@
 
     python check.py ANSWERS.json [--digits N] [--certify] [--problems FOLDER]
 
-Needs the standard library alone. Prints how many problems agree to 10, 6 and 3 digits, quantity by quantity, and where the
-largest error is. Exit status 0 if everything that was answered agrees to N digits (6 unless given), else 1; 2 if the file
-cannot be read. README.md describes the form of ANSWERS.json and what the digits mean.
+Needs the standard library alone, and `reference.py` beside it for --certify. Prints how many problems agree to 10, 6 and 3
+digits, quantity by quantity, where the largest error is, and the number to look at first. Exit status 0 if everything that was
+answered agrees to N digits (6 unless given), else 1; 2 if a file cannot be read. README.md describes the form of ANSWERS.json
+and what the digits mean.
 """
 
 from __future__ import annotations
@@ -16,10 +17,6 @@ import sys
 from pathlib import Path
 from typing import Any, Iterator, Optional
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-import reference
-
 DIGITS = (10, 6, 3)
 QUANTITIES = (
     "gaps", "next_gaps", "normal_jacobians", "tangent_jacobians", "free_velocity", "slips",
@@ -28,11 +25,11 @@ QUANTITIES = (
 
 
 class UnreadableAnswersError(Exception):
-    """The file of answers has another form."""
+    """A file of answers or problems has another form."""
 
 
-def numbers(value: Any, like: Any, place: str) -> Iterator[tuple[Optional[float], float]]:
-    """Pairs of (given, expected) numbers; None where null was given. Of a full symmetric matrix the lower triangle counts."""
+def numbers(value: Any, like: Any, place: str) -> Iterator[tuple[str, Optional[float], float]]:
+    """(place, given, expected) of each number; None where null was given. Of a full matrix the lower triangle counts."""
     if isinstance(like, dict):
         if not isinstance(value, dict) or set(value) - set(like):
             raise UnreadableAnswersError(f"{place}: found {_shown(value)}, expected the keys {', '.join(like)}")
@@ -40,7 +37,7 @@ def numbers(value: Any, like: Any, place: str) -> Iterator[tuple[Optional[float]
             yield from numbers(value.get(key), expected, f"{place}.{key}")
     elif value is None:
         for expected in flat(like):
-            yield None, expected
+            yield place, None, expected
     elif isinstance(like, list):
         triangle = place.endswith(".gauss_newton")
         if not isinstance(value, list) or len(value) != len(like):
@@ -51,7 +48,12 @@ def numbers(value: Any, like: Any, place: str) -> Iterator[tuple[Optional[float]
     elif isinstance(value, bool) or not isinstance(value, (int, float)):
         raise UnreadableAnswersError(f"{place}: found {_shown(value)}, expected a number")
     else:
-        yield float(value), float(like)
+        yield place, float(value), float(like)
+
+
+def difference(given: Optional[float], expected: float) -> float:
+    """Infinite where there is no number."""
+    return abs(given - expected) if given is not None and math.isfinite(given) else math.inf
 
 
 def flat(value: Any) -> Iterator[float]:
@@ -65,12 +67,11 @@ def flat(value: Any) -> Iterator[float]:
 
 def error_of(name: str, given: Any, expected: dict[str, Any], place: str) -> Optional[float]:
     """Largest difference as a share of the largest expected number; of the terms, of the loss. None if nothing was given."""
-    pairs = [pair for pair in numbers(given, expected[name], f"{place}.{name}") if pair[0] is not None]
-    if not pairs:
+    found = [difference(a, b) for _, a, b in numbers(given, expected[name], f"{place}.{name}") if a is not None]
+    if not found:
         return None
     scale = abs(expected["loss"]) if name == "terms" else max(abs(number) for number in flat(expected[name]))
-    differences = [abs(a - b) if a is not None and math.isfinite(a) else math.inf for a, b in pairs]
-    return max(differences) / (scale or 1.0)
+    return max(found) / (scale or 1.0)
 
 
 def problems_of(folder: Path) -> dict[str, dict[str, Any]]:
@@ -78,17 +79,23 @@ def problems_of(folder: Path) -> dict[str, dict[str, Any]]:
     files = sorted(folder.glob("*.json"))
     if not files:
         raise UnreadableAnswersError(f"{folder}: found no problems")
-    return {one["id"]: one for file in files for one in json.loads(file.read_text(encoding="utf-8"))["problems"]}
+    return {one["id"]: one for file in files for one in content_of(file, "contact-loss-problems")["problems"]}
+
+
+def content_of(path: Path, form: str) -> dict[str, Any]:
+    """A file of the given format."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"), parse_int=float)
+    except (OSError, ValueError) as error:
+        raise UnreadableAnswersError(f"{path}: {error}") from error
+    if not isinstance(content, dict) or content.get("format") != form or content.get("version") != 1:
+        raise UnreadableAnswersError(f'{path}: expected "format": "{form}" and "version": 1')
+    return content
 
 
 def answers_of(path: Path) -> tuple[str, dict[str, dict[str, Any]]]:
     """Name of the implementation and its answers by id."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise UnreadableAnswersError(f"{path}: {error}") from error
-    if not isinstance(content, dict) or content.get("format") != "contact-loss-answers" or content.get("version") != 1:
-        raise UnreadableAnswersError(f'{path}: expected "format": "contact-loss-answers" and "version": 1')
+    content = content_of(path, "contact-loss-answers")
     answers = content.get("answers")
     if not isinstance(answers, dict) or not all(isinstance(each, dict) for each in answers.values()):
         raise UnreadableAnswersError(f'{path}: expected "answers": a mapping from ids of problems to quantities')
@@ -123,15 +130,39 @@ def table(errors: dict[str, dict[str, float]]) -> str:
     return "\n".join(lines)
 
 
+def first_difference(
+    problems: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]], errors: dict[str, dict[str, float]], allowed: float
+) -> str:
+    """The largest error of the first quantity that does not agree; what follows in the table depends on it."""
+    for name, each in errors.items():
+        key = max(each, key=lambda key: each[key], default="")
+        if key and each[key] > allowed:
+            given = numbers(answers[key][name], problems[key]["expected"][name], f"{key}.{name}")
+            place, found, expected = max((one for one in given if one[1] is not None), key=lambda one: difference(*one[1:]))
+            return f"look first at {place}: found {found}, expected {expected}"
+    return ""
+
+
 def certificates(problems: dict[str, dict[str, Any]], answers: dict[str, dict[str, Any]]) -> str:
     """What the impulses prove themselves, without the expected ones: section 7 of CONVENTIONS.md."""
+    sys.path.insert(0, str(Path(__file__).resolve().parent))
+    import reference  # here: whoever has problems and checker alone can still compare
+
     worst: dict[str, tuple[float, str]] = {}
+    incomplete = []
     for key, answer in answers.items():
-        if answer.get("impulses") is not None:
-            found = reference.certificate(reference.problem_of(problems[key]), answer["impulses"])
-            for name, value in found.items():
-                worst[name] = max(worst.get(name, (0.0, key)), (value, key))
-    return "\n".join(f"{name}: at most {value:.1e}, in {key}" for name, (value, key) in worst.items())
+        if answer.get("impulses") is None:
+            continue
+        given = [found for _, found, _ in numbers(answer["impulses"], problems[key]["expected"]["impulses"], key)]
+        if any(found is None or not math.isfinite(found) for found in given):
+            incomplete.append(key)
+            continue
+        for name, value in reference.certificate(reference.problem_of(problems[key]), answer["impulses"]).items():
+            worst[name] = max(worst.get(name, (0.0, key)), (value, key))
+    lines = [f"{name}: at most {value:.1e}, in {key}" for name, (value, key) in worst.items()]
+    if incomplete:
+        lines.append(f"not certified, as impulses are missing or not finite: {', '.join(incomplete)}")
+    return "\n".join(lines)
 
 
 def main() -> int:
@@ -155,8 +186,11 @@ def main() -> int:
     print(table(errors))
     if proof:
         print(proof)
-    wrong = sorted({key for each in errors.values() for key, error in each.items() if error > 10.0**-options.digits})
+    allowed = 10.0**-options.digits
+    wrong = sorted({key for each in errors.values() for key, error in each.items() if error > allowed})
     if wrong or not answered:
+        if wrong:
+            print(first_difference(problems, answers, errors, allowed))
         print(f"not to {options.digits} digits: {', '.join(wrong) or 'nothing was answered'}")
         return 1
     print(f"all that was answered agrees to {options.digits} digits")

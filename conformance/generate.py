@@ -10,6 +10,7 @@ section 7 of CONVENTIONS.md).
 
 from __future__ import annotations
 
+import argparse
 import json
 import random
 import sys
@@ -122,6 +123,7 @@ class Scene:
         after_twist: v'; or None for a flight.
         carried: (contact, normal, share along the slip, share across) impulses that brought about v'.
         theta, pivot, weights, dt, gravity: as in the files.
+        turn_error: spin [rad/s] by which the orientation after is measured wrong.
     """
 
     body: str
@@ -134,6 +136,7 @@ class Scene:
     weights: dict[str, float]
     dt: float = 0.006756757
     gravity: float = 187.213740458
+    turn_error: tuple[float, ...] = (0.0, 0.0, 0.0)
 
 
 def unit(given: Row) -> Row:
@@ -236,7 +239,7 @@ def problem_of(name: str, cone: str, scene: Scene, draw: Draw, noise: float) -> 
         twist = scene.after_twist
     after["linear_velocity"], after["angular_velocity"] = twist[:3], twist[3:]
     after["position"] = [round(x + scene.dt * v + draw.number(-0.02 * noise, 0.02 * noise), 9) for x, v in zip(position, twist)]
-    after["quaternion"] = _stepped(scene.turn, twist[3:], scene.dt)
+    after["quaternion"] = _stepped(scene.turn, [a + b for a, b in zip(twist[3:], scene.turn_error)], scene.dt)
     if scene.after_twist not in (None, STILL):
         moved = _backwards(given, scene, twist)
         moved = [round(value + draw.number(-noise, noise), 9) for value in moved]
@@ -273,6 +276,10 @@ SMALL = ("cube", "tetrahedron", "octahedron", "slab", "triangle", "wedge", "rod"
 
 def _scene(draw: Draw, name: str, turn: Row, gap: float, twist: Row | None, friction: float = 0.18) -> Scene:
     return Scene(name, turn, gap, twist, [], level_theta(BODIES[name], friction), [0.0] * 3, WEIGHTS)
+
+
+def _other_weights(draw: Draw) -> dict[str, float]:
+    return {name: round(value * draw.number(0.3, 3.0), 15) for name, value in WEIGHTS.items()}
 
 
 def _weight(scene: Scene) -> float:
@@ -392,21 +399,42 @@ def learned(draw: Draw, n: int) -> Scene:
     return replace(scene, after_twist=twist, carried=[(contact, hit, draw.number(-1.0, 0.0), draw.number(-0.3, 0.3))])
 
 
+def general(draw: Draw, n: int) -> Scene:
+    """Everything at once: other time steps, gravities and weights; theta as learned, on a plane that leans, with a pivot."""
+    name = SMALL[n % 10]
+    theta = noisy_theta(draw, BODIES[name], draw.number(0.1, 0.8), 0.2)
+    lean = draw.row(2, 0.4)
+    theta["normal"] = [*(round(a + b, 9) for a, b in zip(theta["normal"], lean)), draw.number(0.6, 1.5)]
+    theta["height"] = draw.number(-0.5, 0.5)
+    scene = replace(
+        _scene(draw, name, draw.turn(), draw.number(-0.05, 0.05), None),
+        theta=theta,
+        pivot=draw.row(3, 2.0),
+        weights=_other_weights(draw),
+        dt=draw.number(0.002, 0.02),
+        gravity=draw.number(20.0, 400.0),
+        turn_error=tuple(draw.row(3, 0.5)),
+    )
+    contact = lowest(scene)[0]
+    twist = _pinned(scene, contact, draw.row(3, 5.0), draw.row(3, 3.0))
+    hit = _weight(scene) * draw.number(0.5, 6.0)
+    return replace(scene, after_twist=twist, carried=[(contact, hit, draw.number(-1.0, 0.3), draw.number(-0.3, 0.3))])
+
+
 GROUPS: dict[str, Callable[[Draw, int], Scene]] = {
     maker.__name__: maker
     for maker in (
-        separated, impact, sticking, sliding, rolling, several_contacts, coincident, tilted_ground, friction, learned,
+        separated, impact, sticking, sliding, rolling, several_contacts, coincident, tilted_ground, friction, learned, general,
     )
 }  # fmt: skip
 
 
 def drawn(group: str, n: int, attempt: int) -> dict[str, Any]:
-    """A problem without its answer. The last four of each group have other weights, time steps and gravities."""
+    """A problem without its answer. The last four of each group have other weights."""
     draw = Draw(f"{SEED} {group} {n} {attempt}")
     scene = GROUPS[group](draw, n)
     if n >= COUNT - 4:
-        weights = {name: round(value * draw.number(0.3, 3.0), 15) for name, value in WEIGHTS.items()}
-        scene = replace(scene, weights=weights)
+        scene = replace(scene, weights=_other_weights(draw))
     noise = 0.0 if scene.after_twist == STILL else 0.3
     return problem_of(f"{group}-{n:02d}", ("circular", "polyhedral")[n // 2 % 2], scene, draw, noise)
 
@@ -438,8 +466,13 @@ def text_of(group: str, problems: list[dict[str, Any]]) -> str:
 
 def main() -> None:
     """Writes the named groups, or all."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("groups", nargs="*", metavar="GROUP", help=", ".join(GROUPS))
+    groups = parser.parse_args().groups or list(GROUPS)
+    if unknown := set(groups) - set(GROUPS):
+        parser.error(f"unknown group {', '.join(sorted(unknown))}, expected some of {', '.join(GROUPS)}")
     FOLDER.mkdir(exist_ok=True)
-    for group in sys.argv[1:] or GROUPS:
+    for group in groups:
         text = text_of(group, [made(group, n) for n in range(COUNT)])
         (FOLDER / f"{group}.json").write_text(text, encoding="utf-8")
         print(group, len(text), flush=True)

@@ -11,6 +11,7 @@ its certificate is below 1e-40. So the answers are right to the last digit that 
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from dataclasses import dataclass
@@ -480,9 +481,10 @@ def margin_of(problem: Problem, impulses: Matrix, gradient: Matrix) -> Decimal:
                 values = [dot(row, impulse) for row in facet_rows(facets)]
                 found += [value for value in values if value > SMALLEST_GAP]
                 found += facet_multipliers(slope, values, facets)
-    at = contacts_of(problem, problem.theta)
-    open_ = residuals(problem, problem.theta, impulses, clamped=False)[-len(impulses) :]
-    found += [abs(x) / problem.weights["penetration"].sqrt() for x in open_]
+    at, weight = contacts_of(problem, problem.theta), problem.weights["penetration"].sqrt()
+    if weight:
+        open_ = residuals(problem, problem.theta, impulses, clamped=False)[-len(impulses) :]
+        found += [abs(x) / weight for x in open_]
     speeds = [dot(s, s).sqrt() for s in at.slips]
     return min([*found, *(speed for speed in speeds if speed)])
 
@@ -614,10 +616,14 @@ def expected(problem: Problem) -> dict[str, Any]:
 
 def main() -> None:
     """Answers the problems of the files named on the command line."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("problems", nargs="+", type=Path)
     found = {}
-    for name in sys.argv[1:]:
-        for given in json.loads(Path(name).read_text(encoding="utf-8"))["problems"]:
-            found[given["id"]] = expected(problem_of(given))
+    for path in parser.parse_args().problems:
+        for given in json.loads(path.read_text(encoding="utf-8"))["problems"]:
+            answers = expected(problem_of(given))
+            del answers["certificate"]  # no quantity of a file of answers
+            found[given["id"]] = answers
     head = {"format": "contact-loss-answers", "version": 1, "implementation": "reference.py"}
     json.dump({**head, "answers": found}, sys.stdout, indent=1)
 
