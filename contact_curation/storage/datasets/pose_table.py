@@ -111,6 +111,8 @@ class PoseTable:
         self.left_out = left_out, first
         for row, (line, values) in enumerate(self._rows()):
             try:
+                if len(values) < self._columns.fewest:
+                    raise _NoPose(f"found {len(values)} values, expected {self._columns.fewest}")
                 yield PoseRow(self._stamp_ns(row, values), self._pose(values))
             except _NoPose as why:
                 left_out, first = left_out + 1, first or f"line {line}: {why}"
@@ -119,16 +121,12 @@ class PoseTable:
     def _stamp_ns(self, row: int, values: Sequence[str]) -> int:
         if self._period_ns is not None:
             return round(row * self._period_ns)
-        if len(values) < self._columns.fewest:
-            raise _NoPose(f"found {len(values)} values, expected {self._columns.fewest}")
         time, beside = (None if at is None else _time(values[at]) for at in self._columns[:2])
         if time is None:
             raise _NoPose("found no time")
         return int(time * self._unit) + (0 if beside is None else int(beside))
 
     def _pose(self, values: Sequence[str]) -> ScalarPose:
-        if len(values) < self._columns.fewest:
-            raise _NoPose(f"found {len(values)} values, expected {self._columns.fewest}")
         x, y, z, qw, qx, qy, qz = (_number(values[at]) for at in self._columns.pose)
         length = self._columns.length
         return ScalarPose((length * x, length * y, length * z), (qw, qx, qy, qz))
