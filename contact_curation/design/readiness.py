@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from contact_curation.configs import ranged
+from contact_curation.configs import ranged, set_whole_numbers
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -52,9 +52,8 @@ class ReadinessConfig:
     most_tosses: int = 6
 
     def __post_init__(self) -> None:
-        for name, least in (("least_tosses", 0), ("recent", 1), ("most_tosses", 0)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(f"readiness.{name}", getattr(self, name), f"at least {least}")
+        set_whole_numbers(self, ("least_tosses", "most_tosses"), prefix="readiness.")
+        set_whole_numbers(self, ("recent",), 1, prefix="readiness.")
         if self.largest_loss is not None and not self.largest_loss > 0.0:
             raise InvalidValueError("readiness.largest_loss", self.largest_loss, "a positive number")
         if not 1.0 <= self.tracker_noise < np.inf:
