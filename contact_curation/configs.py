@@ -38,6 +38,17 @@ def whole_number(name: str, value: object, least: int = 0, most: float = inf) ->
     return int(value)
 
 
+def truth_value(name: str, value: object) -> bool:
+    """The truth value that a value is; the text "no" would count as true.
+
+    Raises:
+        InvalidValueError: it is another value; the message begins with `name`.
+    """
+    if type(value) is not bool:
+        raise InvalidValueError(name, _shown(value), "True or False")
+    return value
+
+
 def set_whole_numbers(config: object, names: Iterable[str], least: int = 0, most: float = inf, prefix: str = "") -> None:
     """Checks fields of a frozen config in its `__post_init__` and makes them Python's whole numbers, as `whole_number` does.
 
