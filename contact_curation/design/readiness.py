@@ -37,8 +37,9 @@ class ReadinessConfig:
         largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
             (method.md 1.2); by default m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains: 0.15 for
             ContactNets' cube, whose real tosses have 0.02 at the true parameters. Noise adds what it makes of velocities over
-            150 frames a second, or with a noisier tracker than the real rig.
-        tracker_noise: noise of the poses as a multiple of the real rig's, as in pose_ingest's segmenter.tracker_noise.
+            150 frames a second, or with a noisier tracker than ContactNets'.
+        tracker_noise: noise of the poses as a multiple of that of ContactNets' rig, as in pose_ingest's
+            segmenter.tracker_noise.
         least_agreement: smallest Spearman correlation of the reference throws' information between two thetas.
         most_tosses: from this many scored tosses on agreement is no longer required, only the loss; 0 requires it always.
     """
@@ -57,7 +58,8 @@ class ReadinessConfig:
         if self.largest_loss is not None and not self.largest_loss > 0.0:
             raise InvalidValueError("readiness.largest_loss", self.largest_loss, "a positive number")
         if not 1.0 <= self.tracker_noise < np.inf:
-            raise InvalidValueError("readiness.tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
+            expected = "1 or more, in multiples of that of ContactNets' rig"
+            raise InvalidValueError("readiness.tracker_noise", self.tracker_noise, expected)
         if not -1.0 <= self.least_agreement <= 1.0:
             raise InvalidValueError("readiness.least_agreement", self.least_agreement, "a correlation")
 
