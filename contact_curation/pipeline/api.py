@@ -1,6 +1,11 @@
-"""The functions of `import contact_curation as cc`; defaults and results are those of the commands, to the last digit."""
+"""The functions of `import contact_curation as cc`; results are those of the commands, to the last digit.
 
-from collections.abc import Iterable, Mapping, Sequence
+Defaults are those of the commands, too, but that `train` holds no tosses out unless it is told to.
+"""
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -162,8 +167,9 @@ def score(
     place = Device(device)
     found = _tosses(tosses, _body(body, model, tosses)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator, place)
-    (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
-    return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
+    with _threads_of_torch_kept():
+        (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
+        return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
 
 
 @says_what_to_install
@@ -232,7 +238,8 @@ def rank(
         jobs=jobs,
         index=None if index is None else RecordingIndex(path_of("index", index, "the path of a folder")),
     )
-    ranked = rank_tosses(source, config, progress)
+    with _threads_of_torch_kept():
+        ranked = rank_tosses(source, config, progress)
     ranked.evidence()  # refuses where nothing was ranked
     return ranked if known or isinstance(tosses, Tosses) else replace(ranked, warnings=(NO_BODY, *ranked.warnings))
 
@@ -264,7 +271,8 @@ def train(
             a polytope without `steps`, and else ``budgeted`` (method.md 1.12 and 2.10).
         steps: largest number of gradient steps; None for that of the protocol.
         seed: random seed of the initialisation and the order of batches.
-        held_out: tosses that are not learned from: numbers, a share, or a file of ids, as in `rank`; None for none.
+        held_out: tosses that are not learned from: numbers, a share, or a file of ids, as in `rank`; None for none, where the
+            command holds out a fifth.
         start: model of this kind to start from, or its file; None for the published random initialisation.
         restitution: whether a polytope learns a restitution, too, by the exact protocol. If it does not and the tosses bounce,
             `warnings` of the model say so.
@@ -292,33 +300,30 @@ def train(
 
     if start is not None and not isinstance(start, LearnedModel):
         start = path_of("start", start, "a model, or the path of its file")
-    torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
     found = _tosses(tosses, _body(body, start, tosses))
     model_entry(model)  # refuses what is none
     load_kernel()
     config = PROTOCOLS[protocol_named(protocol, model, by_steps=steps is not None)](model)
     steps = config.steps if steps is None else steps
     division = DivisionConfig(_held_out(held_out), said=held_out is not None)
-    running = TrainingRun.begun(
-        TrainConfig(
-            kind=model,
-            body=found.body,
-            protocol=replace(
-                config, steps=steps, restitution=truth_value("restitution", restitution), shape_known_to=shape_known_to
-            ),
-            start=start_of(start, model, found.body),
-            seed=seed,
-            rig=found.config.inputs.rig,
-        ),
-        learning_tosses(found, division),
+    learning = learning_tosses(found, division)
+    budget = replace(config, steps=steps, restitution=truth_value("restitution", restitution), shape_known_to=shape_known_to)
+    plan = TrainConfig(
+        kind=model,
+        body=found.body,
+        protocol=budget,
+        start=start_of(start, model, found.body),
+        seed=seed,
+        rig=found.config.inputs.rig,
     )
-    budget = running.plan.protocol
-    with progress("training", "steps", None if budget.exact else budget.steps) as bar:
+    with _threads_of_torch_kept(), progress("training", "steps", None if budget.exact else budget.steps) as bar:
+        torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
+        running = TrainingRun.begun(plan, learning)
         while running.running:
             bar.advance(1, running.advance())
-    running.check()
-    bounce = running.bounce()
-    missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
+        running.check()
+        bounce = running.bounce()
+        missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
     return replace(running.model(), warnings=(*found.warnings, *filter(None, (missing,))))
 
 
@@ -370,7 +375,8 @@ def evaluate(
     models = [first] if against is None else [first, model_of(against, first.body)]
     judged = judging_tosses(_tosses(tosses, first.body), held_out, models, HELD_OUT)
     config = evaluation_config(bootstrap=BootstrapConfig(seed=seed))
-    return evaluate_models(models, judged, config, progress=progress, more=more)
+    with _threads_of_torch_kept():
+        return evaluate_models(models, judged, config, progress=progress, more=more)
 
 
 @says_what_to_install
@@ -429,6 +435,18 @@ def design(
     with progress("designing", "simulated throws", task.simulations(throws)) as bar:
         found = design_throws(task, throws, bar.advance)
     return found if models or given else replace(found, warnings=(NO_BODY,))
+
+
+@contextmanager
+def _threads_of_torch_kept() -> Iterator[None]:
+    """Gives back the caller's number of threads: computations here take one. Does nothing where torch is not imported."""
+    torch = sys.modules.get("torch")
+    before = torch.get_num_threads() if torch else 0
+    try:
+        yield
+    finally:
+        if torch:
+            torch.set_num_threads(before)
 
 
 def _reading(body: GivenBody | None, config: InputsConfig | Mapping[str, object] | None) -> ReadingConfig:

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
@@ -57,6 +58,11 @@ def ranking(tosses: cc.Tosses) -> cc.RankedTosses:
 @pytest.fixture(scope="module")
 def model(ranking: cc.RankedTosses) -> cc.LearnedModel:
     return cc.train(ranking.selected, steps=SHORT)
+
+
+@pytest.fixture(scope="module")
+def deep(ranking: cc.RankedTosses) -> cc.LearnedModel:
+    return cc.train(ranking.selected, "deep", steps=1)
 
 
 @pytest.fixture
@@ -320,6 +326,22 @@ def test_a_training_goes_on_from_a_model_in_memory_as_from_its_file(
         np.testing.assert_array_equal(before[name], model.model.tensors()[name])  # left as it is
     with pytest.raises(InvalidValueError, match=r"^start: found 3, expected a model, or the path of its file$"):
         ANY.train(ranking.selected, start=3)
+
+
+def test_the_number_of_threads_of_torch_is_the_callers_again(ranking: cc.RankedTosses, deep: cc.LearnedModel) -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(3)
+    try:
+        model = cc.train(ranking.selected, steps=1)
+        assert torch.get_num_threads() == 3
+        cc.evaluate(model, ranking.selected, held_out="none")
+        assert torch.get_num_threads() == 3
+        cc.score(ranking.selected, model=deep)
+        assert torch.get_num_threads() == 3
+        cc.rank(ranking.selected, model=deep)
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
 
 
 def test_a_body_that_contradicts_the_tosses_or_the_model_is_refused(
