@@ -7,10 +7,10 @@ transitions are nobody's law. Merged, one transition leads over them, from a vel
 
 On the cube a random third of the tosses below 400 judges (CONTACTNETS_DATA), corrected by the rig calibration of the others;
 fits begin at random shapes. With --planar FILE.npz the tosses are those of a square prism in a plane
-(benchmarks.data.lost_frames) that the quality checks accept with twice the real rig's noise; half of them learn and half judge,
-and fits begin at the shape as described, for a plane says nothing of places across it. Errors without a model stand above the
-table: a body that stays where it was released, and one that lies where it ends from the start. Told is the restitution that
-`train` names where a rigid form is fitted without one.
+(benchmarks.data.lost_frames) that the quality checks accept with twice the noise of ContactNets' rig; half of them learn and
+half judge, and fits begin at the shape as described, for a plane says nothing of places across it. Errors without a model stand
+above the table: a body that stays where it was released, and one that lies where it ends from the start. Told is the
+restitution that `train` names where a rigid form is fitted without one.
 
     python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds]
         [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]

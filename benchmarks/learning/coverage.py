@@ -2,8 +2,8 @@
 
 MuJoCo throws a cube, a slab of 120 x 80 x 50 mm and an irregular body of ten vertices, with contacts of 2 to 8 ms that leave
 with 0.12 to 0.5 of their speed; in one world, as a check, the body is the model's own, rigid and without restitution. A tracker
-with the real rig's noise sees them at 148 Hz. Models learn from 4, 8 or 16 random tosses as `train` does, to the optimum from a
-random initialisation, with a restitution and without; four other tosses tell the noise. Beside the interval
+with the noise of ContactNets' rig sees them at 148 Hz. Models learn from 4, 8 or 16 random tosses as `train` does, to the
+optimum from a random initialisation, with a restitution and without; four other tosses tell the noise. Beside the interval
 (`learning.uncertainty`) stands that of 1.96 deviations of the sandwich, which knows of no misfit.
 
     python -m benchmarks.learning.coverage [--worlds rigid_cube ...] [--sizes 4 8 16] [--seeds 10] [--save ROWS.jsonl]
@@ -48,7 +48,7 @@ from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_tos
 from contact_curation.simulation.world import WorldConfig
 
 TURN_NOISE = float(np.radians(0.024))
-"""Of the real rig [rad]."""
+"""Of ContactNets' rig [rad]."""
 
 LARGEST, OTHERS = 16, 4
 """Tosses that may be learned from, and that tell the noise."""
@@ -70,7 +70,7 @@ class World:
     contacts: WorldConfig | None
 
     def tosses(self, count: int, seed: int, noise: float = 1.0) -> tuple[Toss, ...]:
-        """As a tracker with so many times the real rig's noise sees them."""
+        """As a tracker with so many times the noise of ContactNets' rig sees them."""
         rng = np.random.default_rng(seed)
         return tuple(_tracked(self._thrown(release(self.body, rng), k), rng, noise) for k in range(count))
 
