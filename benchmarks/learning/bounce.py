@@ -17,16 +17,16 @@ restitution that `train` names where a rigid form is fitted without one.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
+from benchmarks._saved_rows import Row, SavedRows
 from benchmarks.data.lost_frames import SQUARE, planar_tosses
 from benchmarks.learning.impact_noise import bench_of
 from contact_curation.contact.body import Body
@@ -57,8 +57,6 @@ ARMS = {
 show, as in `train`."""
 
 ALL = 0
-
-type Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,21 +137,12 @@ def main() -> int:
             return 0
         tosses = Tosses(bench.body, tuple(bench.training), tuple(bench.held_out))
     print(f"{len(tosses.training)} tosses learn, {len(tosses.held_out)} judge")
-    there = arguments.save is not None and arguments.save.exists()
-    kept: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
-    rows: list[Row] = []
+    saved, rows = SavedRows(arguments.save), list[Row]()
     for size in arguments.sizes:
         for seed in range(arguments.seeds if size != ALL else 1):
             for arm in arguments.arms:
                 key: Row = {"body": tosses.body.name, "arm": arm, "size": size, "seed": seed}
-                row = next((one for one in kept if {**one, **key} == one), None)
-                if row is None:
-                    row = {**key, **run(arm, size, seed, tosses)}
-                    if arguments.save is not None:
-                        with arguments.save.open("a") as file:
-                            file.write(json.dumps(row) + "\n")
-                rows.append(row)
-                print(row, file=sys.stderr, flush=True)
+                rows.append(saved.one(key, partial(run, arm, size, seed, tosses)))
     for name in sorted({key for key in rows[0] if ": " in key}):
         print(f"{name} {rows[0][name]:.1f}")
     print_table(rows)
