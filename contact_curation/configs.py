@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from math import inf, isfinite
-from numbers import Integral
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
@@ -34,8 +34,19 @@ def whole_number(name: str, value: object, least: int = 0, most: float = inf) ->
     """
     if type(value) is bool or not isinstance(value, Integral) or not least <= int(value) <= most:
         bounds = f"of at least {least}" if most == inf else f"from {least} to {most}"
-        raise InvalidValueError(name, repr(value) if isinstance(value, str) else value, f"a whole number {bounds}")
+        raise InvalidValueError(name, _shown(value), f"a whole number {bounds}")
     return int(value)
+
+
+def truth_value(name: str, value: object) -> bool:
+    """The truth value that a value is; the text "no" would count as true.
+
+    Raises:
+        InvalidValueError: it is another value; the message begins with `name`.
+    """
+    if type(value) is not bool:
+        raise InvalidValueError(name, _shown(value), "True or False")
+    return value
 
 
 def set_whole_numbers(config: object, names: Iterable[str], least: int = 0, most: float = inf, prefix: str = "") -> None:
@@ -52,6 +63,38 @@ def set_whole_numbers(config: object, names: Iterable[str], least: int = 0, most
     """
     for name in names:
         object.__setattr__(config, name, whole_number(prefix + name, getattr(config, name), least, most))
+
+
+def check_positive(config: object, names: Iterable[str], prefix: str = "", unit: str = "") -> None:
+    """Checks that fields of a config are finite numbers above 0; truth values are none.
+
+    Args:
+        config: itself, in its `__post_init__`.
+        names: of the fields.
+        prefix: stands before the names in messages.
+        unit: stands after what is expected, such as "of metres".
+
+    Raises:
+        InvalidValueError: one is another value.
+    """
+    for name in names:
+        _check_number(prefix + name, getattr(config, name), f"a positive number {unit}".rstrip(), least_excluded=True)
+
+
+def check_not_negative(config: object, names: Iterable[str], prefix: str = "") -> None:
+    """Checks that fields of a config are finite numbers of at least 0; the rest as of `check_positive`."""
+    for name in names:
+        _check_number(prefix + name, getattr(config, name), "a number of at least 0", least_excluded=False)
+
+
+def _check_number(name: str, value: Any, expected: str, *, least_excluded: bool) -> None:
+    is_number = type(value) is not bool and isinstance(value, Real) and isfinite(value)
+    if not is_number or value < 0 or (least_excluded and value == 0):
+        raise InvalidValueError(name, _shown(value), expected)
+
+
+def _shown(value: object) -> object:
+    return repr(value) if isinstance(value, str) else value
 
 
 class ConfigField(NamedTuple):

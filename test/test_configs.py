@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
 import pytest
 
-from contact_curation.configs import accepted_range, field_of, with_fields
+from contact_curation.configs import accepted_range, check_not_negative, check_positive, field_of, with_fields
 from contact_curation.errors import InvalidValueError
 
 
@@ -47,6 +48,11 @@ class Outer:
     name: str = "a"
 
 
+@dataclass(frozen=True)
+class _With:
+    share: object
+
+
 def test_fields_that_are_sound_together_only_are_changed_together() -> None:
     changed = with_fields(Outer(), {"inner.low": 5.0, "inner.high": 6.0, "name": "b"})
     assert (changed.inner.low, changed.inner.high, changed.name) == (5.0, 6.0, "b")
@@ -57,3 +63,17 @@ def test_fields_that_are_sound_together_only_are_changed_together() -> None:
 @pytest.mark.parametrize(("path", "accepted"), [("share", (0.0, 1.0)), ("count", (1.0, 1e9)), ("free", None)])
 def test_the_range_of_a_field_is_what_its_class_accepts(path: str, accepted: tuple[float, float] | None) -> None:
     assert accepted_range(Inner(), field_of(Inner(), path)) == accepted
+
+
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf, "0.5", None, True, [1.0]])
+def test_what_is_no_positive_number_is_refused_by_its_name(value: object) -> None:
+    for check in (check_positive, check_not_negative):
+        with pytest.raises(InvalidValueError, match=r"^loss\.share: found "):
+            check(_With(value), ("share",), "loss.")
+
+
+def test_numbers_of_numpy_are_numbers_and_0_is_not_positive() -> None:
+    check_positive(_With(np.float32(0.5)), ("share",))
+    check_not_negative(_With(np.int64(0)), ("share",))
+    with pytest.raises(InvalidValueError, match=r"^share: found 0, expected a positive number of metres$"):
+        check_positive(_With(0), ("share",), unit="of metres")

@@ -30,7 +30,7 @@ from contact_curation.motion.toss import NANOSECONDS
 
 CASES, SIMULATED_BODIES, THROWS = 64, 4, 10
 RATES, NOISES = (75, 100, 120, 150, 200, 250), (1.0, 1.5)
-"""Frames a second, and least and most noise in multiples of the real rig's."""
+"""Frames a second, and least and most noise in multiples of that of ContactNets' rig."""
 
 REAL = [number for number in range(570) if number not in fixed.REAL]
 """ContactNets' tosses that no fixed case is made of."""

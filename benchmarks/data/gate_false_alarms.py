@@ -1,10 +1,10 @@
 """How many good tosses the segmenter and the quality checks reject, and how many bad ones: nine bodies, three rates and noises.
 
 Bodies of `thrown_bodies` are thrown in MuJoCo, seen by a tracker at 60, 120 and 250 frames a second with 1, 2 and 4 times the
-real rig's noise, and go the way of `pose_ingest`, told how noisy the tracker is. Every toss is good: one that does not come out
-as one accepted toss is a false alarm. Accepted tosses are then made bad as in `experiments.faults` (5 mm off for one frame or
-for some, 10 mm of drift, a board off by 3 mm and 2 degrees, tags taken for others, orientations 2 frames late), turned by 90
-degrees in one frame, or made 5 % too large; a fault is found if the checks reject the toss.
+noise of ContactNets' rig, and go the way of `pose_ingest`, told how noisy the tracker is. Every toss is good: one that does not
+come out as one accepted toss is a false alarm. Accepted tosses are then made bad as in `experiments.faults` (5 mm off for one
+frame or for some, 10 mm of drift, a board off by 3 mm and 2 degrees, tags taken for others, orientations 2 frames late), turned
+by 90 degrees in one frame, or made 5 % too large; a fault is found if the checks reject the toss.
 
     python -m benchmarks.data.gate_false_alarms [--tosses N] [--bodies NAME ...] [--out FILE.csv [--resume]]
 
@@ -54,7 +54,7 @@ class Cell:
     Attributes:
         body: name.
         rate: frames a second.
-        noise: in multiples of the real rig's.
+        noise: in multiples of that of ContactNets' rig.
         tosses: how many.
         rejected: how many of these good ones were rejected or not seen.
         against: what most often.
@@ -164,7 +164,7 @@ def cell_of(body: Body, rate: int, noise: float, motions: Sequence[Array], rng: 
 
 
 def noisy(poses: Array, noise: float, rng: np.random.Generator) -> Array:
-    """Poses (T, 7) as a tracker with so many times the real rig's noise sees them."""
+    """Poses (T, 7) as a tracker with so many times the noise of ContactNets' rig sees them."""
     off, turns = (
         noise * RIG_NOISE * rng.standard_normal((len(poses), 3)),
         noise * RIG_TURN * rng.standard_normal((len(poses), 3)),

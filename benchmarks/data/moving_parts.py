@@ -32,7 +32,7 @@ from contact_curation.pipeline.reading import ReadingConfig
 
 RATE, STEPS, FRAMES = 148, 14, 100
 NOISES = ((2.2e-5, 4e-4), (1e-4, 1e-3), (2e-4, 2e-3))
-"""Of positions [m] and orientations [rad] per axis: the real rig's, and more."""
+"""Of positions [m] and orientations [rad] per axis: those of ContactNets' rig, and more."""
 
 AIR = 'density="1.2" viscosity="1.8e-5"'
 WORLD = """<mujoco><option timestep="{step}" integrator="implicitfast" cone="elliptic" {air}/>

@@ -1,8 +1,9 @@
 """Stamps of reception: how many good tosses are lost where header stamps are late by what varies from frame to frame?
 
-The cube is held, swung, released as in the real data and moved by MuJoCo, and seen with the real rig's noise. Its stamps are
-off by a normal distribution; by delays that are exponentially distributed, in a queue that keeps the order; or by single delays
-of 1 to 20 ms of one frame in fifty, which hold up those behind. They go the way of `pose_ingest`. No data are needed.
+The cube is held, swung, released as in the real data and moved by MuJoCo, and seen with the noise of ContactNets' rig. Its
+stamps are off by a normal distribution; by delays that are exponentially distributed, in a queue that keeps the order; or by
+single delays of 1 to 20 ms of one frame in fifty, which hold up those behind. They go the way of `pose_ingest`. No data are
+needed.
 
     python -m benchmarks.data.stamp_jitter [--tosses N] [--seed N]
 """

@@ -1,9 +1,9 @@
 """How still must a tracker be? Tosses that pass segmenter and gates, over its noise and its rate.
 
 The cube is released as in the real data and moved by MuJoCo; before that it is held still and swung. White noise is added to
-its poses in multiples of the real rig's, 0.022 mm and 0.024 degrees per axis. They go the way of `pose_ingest`: with the bounds
-of the real rig (`segmenter.tracker_noise` 1), with those for the noise that is measured (the default), and told of it. A toss
-that begins in the hand teaches what is not so: it does not count as passed. No data are needed.
+its poses in multiples of that of ContactNets' rig, 0.022 mm and 0.024 degrees per axis. They go the way of `pose_ingest`: with
+the bounds for ContactNets' rig (`segmenter.tracker_noise` 1), with those for the noise that is measured (the default), and told
+of it. A toss that begins in the hand is no free motion: it does not count as passed. No data are needed.
 
     python -m benchmarks.data.tracker_noise [--tosses N] [--seed N] [--json]
 """
@@ -45,13 +45,13 @@ class Row:
 
     Attributes:
         rate: frames a second.
-        multiple: of the real rig's noise.
-        passed: share of them that were found and passed the gates, with the bounds of the real rig.
+        multiple: of the noise of ContactNets' rig.
+        passed: share of them that were found and passed the gates, with the bounds for ContactNets' rig.
         passed_measured: likewise, by default.
         passed_told: likewise, told of the noise.
         in_hand: share that passed by default, but began in the hand.
         to_slide: how far the cube is from its rest where those that passed by default end, median [mm].
-        against: what most often keeps the others back, with the bounds of the real rig, by default, and told.
+        against: what most often keeps the others back, with the bounds for ContactNets' rig, by default, and told.
     """
 
     rate: int

@@ -77,7 +77,7 @@ class Scale:
         return self._of(predicted_motions(self.particle, np.array([throw.release for throw in throws]), EXACT), len(throws))
 
     def executed(self, seen: Sequence[Seen]) -> float:
-        """As it happened; a throw without a toss taught nothing."""
+        """As it happened; a throw without a toss gave no information."""
         return self._of(_motions_of(_tosses_of(seen), self.particle), len(seen))
 
     def _of(self, motions: Motions, count: int) -> float:

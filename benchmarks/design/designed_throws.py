@@ -1,7 +1,7 @@
 """What designed throws are worth, and how long designing takes.
 
 The worth is the D-efficiency of a batch at the true cube: the geometric mean, over the directions that replayed throws
-identify, of what the batch teaches per throw in units of what a replayed throw teaches on average (method.md 5). Planned: each
+identify, of the information of the batch per throw, relative to that of an average replayed throw (method.md 5). Planned: each
 throw comes out as commanded. Executed: each comes out with method.md 5's noise, geometric mean over several tries. Batches are
 drawn at random from releases (data: those of the real tosses 0-399 where they are at hand, else draws of the published
 statistics; canonical: normal in the heading frame; raw: the paper's normal in the board's frame), or designed at the truth, at

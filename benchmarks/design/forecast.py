@@ -1,4 +1,4 @@
-"""What a throw is predicted to teach, what its toss teaches, and where the difference comes from.
+"""The predicted information of a throw, that of its toss, and where the difference comes from.
 
 Theta is learned from exploration throws of the simulated arm. Then throws are designed, each alone, and drawn at random; the
 arm makes them, and gains in log-det are taken over the same known tosses:

@@ -7,26 +7,26 @@ transitions are nobody's law. Merged, one transition leads over them, from a vel
 
 On the cube a random third of the tosses below 400 judges (CONTACTNETS_DATA), corrected by the rig calibration of the others;
 fits begin at random shapes. With --planar FILE.npz the tosses are those of a square prism in a plane
-(benchmarks.data.lost_frames) that the quality checks accept with twice the real rig's noise; half of them learn and half judge,
-and fits begin at the shape as described, for a plane says nothing of places across it. Errors without a model stand above the
-table: a body that stays where it was released, and one that lies where it ends from the start. Told is the restitution that
-`train` names where a rigid form is fitted without one.
+(benchmarks.data.lost_frames) that the quality checks accept with twice the noise of ContactNets' rig; half of them learn and
+half judge, and fits begin at the shape as described, for a plane says nothing of places across it. Errors without a model stand
+above the table: a body that stays where it was released, and one that lies where it ends from the start. Told is the
+restitution that `train` names where a rigid form is fitted without one.
 
     python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds]
         [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
+from benchmarks._saved_rows import Row, SavedRows
 from benchmarks.data.lost_frames import SQUARE, planar_tosses
 from benchmarks.learning.impact_noise import bench_of
 from contact_curation.contact.body import Body
@@ -57,8 +57,6 @@ ARMS = {
 show, as in `train`."""
 
 ALL = 0
-
-type Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,21 +137,12 @@ def main() -> int:
             return 0
         tosses = Tosses(bench.body, tuple(bench.training), tuple(bench.held_out))
     print(f"{len(tosses.training)} tosses learn, {len(tosses.held_out)} judge")
-    there = arguments.save is not None and arguments.save.exists()
-    kept: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
-    rows: list[Row] = []
+    saved, rows = SavedRows(arguments.save), list[Row]()
     for size in arguments.sizes:
         for seed in range(arguments.seeds if size != ALL else 1):
             for arm in arguments.arms:
                 key: Row = {"body": tosses.body.name, "arm": arm, "size": size, "seed": seed}
-                row = next((one for one in kept if {**one, **key} == one), None)
-                if row is None:
-                    row = {**key, **run(arm, size, seed, tosses)}
-                    if arguments.save is not None:
-                        with arguments.save.open("a") as file:
-                            file.write(json.dumps(row) + "\n")
-                rows.append(row)
-                print(row, file=sys.stderr, flush=True)
+                rows.append(saved.one(key, partial(run, arm, size, seed, tosses)))
     for name in sorted({key for key in rows[0] if ": " in key}):
         print(f"{name} {rows[0][name]:.1f}")
     print_table(rows)

@@ -2,8 +2,8 @@
 
 MuJoCo throws a cube, a slab of 120 x 80 x 50 mm and an irregular body of ten vertices, with contacts of 2 to 8 ms that leave
 with 0.12 to 0.5 of their speed; in one world, as a check, the body is the model's own, rigid and without restitution. A tracker
-with the real rig's noise sees them at 148 Hz. Models learn from 4, 8 or 16 random tosses as `train` does, to the optimum from a
-random initialisation, with a restitution and without; four other tosses tell the noise. Beside the interval
+with the noise of ContactNets' rig sees them at 148 Hz. Models learn from 4, 8 or 16 random tosses as `train` does, to the
+optimum from a random initialisation, with a restitution and without; four other tosses tell the noise. Beside the interval
 (`learning.uncertainty`) stands that of 1.96 deviations of the sandwich, which knows of no misfit.
 
     python -m benchmarks.learning.coverage [--worlds rigid_cube ...] [--sizes 4 8 16] [--seeds 10] [--save ROWS.jsonl]
@@ -12,16 +12,16 @@ With --save rows are kept, and those that are there already are not made again.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
+from benchmarks._saved_rows import Row, SavedRows
 from benchmarks.data.thrown_bodies import release, uniform
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, UPWARD, ContactGeometry
@@ -48,7 +48,7 @@ from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_tos
 from contact_curation.simulation.world import WorldConfig
 
 TURN_NOISE = float(np.radians(0.024))
-"""Of the real rig [rad]."""
+"""Of ContactNets' rig [rad]."""
 
 LARGEST, OTHERS = 16, 4
 """Tosses that may be learned from, and that tell the noise."""
@@ -56,7 +56,6 @@ LARGEST, OTHERS = 16, 4
 NORMAL = 1.96
 ARMS = ("plain", "restitution")
 
-type Row = dict[str, Any]
 
 IRREGULAR = 0.001 * np.array([[52, 3, -31], [-48, 20, -33], [5, -50, -30], [10, 44, -28], [60, -12, 14], [-55, -22, 10],
                              [4, 57, 12], [-8, -48, 22], [20, 8, 42], [-26, 12, 38]])  # fmt: skip
@@ -70,7 +69,7 @@ class World:
     contacts: WorldConfig | None
 
     def tosses(self, count: int, seed: int, noise: float = 1.0) -> tuple[Toss, ...]:
-        """As a tracker with so many times the real rig's noise sees them."""
+        """As a tracker with so many times the noise of ContactNets' rig sees them."""
         rng = np.random.default_rng(seed)
         return tuple(_tracked(self._thrown(release(self.body, rng), k), rng, noise) for k in range(count))
 
@@ -197,21 +196,12 @@ def main() -> int:
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    there = arguments.save is not None and arguments.save.exists()
-    kept: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
-    rows: list[Row] = []
+    saved, rows = SavedRows(arguments.save), list[Row]()
     for seed in range(arguments.seeds):
         for world in arguments.worlds:
             for size in arguments.sizes:
                 key: Row = {"world": world, "size": size, "seed": seed}
-                found = [one for one in kept if {**one, **key} == one]
-                if not found:
-                    found = rows_of(key)
-                    if arguments.save is not None:
-                        with arguments.save.open("a") as file:
-                            file.writelines(json.dumps(row) + "\n" for row in found)
-                    print(*found, sep="\n", file=sys.stderr, flush=True)
-                rows += found
+                rows += saved.of(key, partial(rows_of, key))
     print_table(rows)
     return 0
 

@@ -17,18 +17,17 @@ Size 0 is all. With --save rows are kept, and those that are there already are n
 
 import argparse
 import csv
-import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
 from benchmarks._data import contactnets_folder, training_and_held_out
+from benchmarks._saved_rows import Row, SavedRows
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -62,8 +61,6 @@ ALL = 0
 MEASURES = ("position", "rotation", "vertices", "friction")
 JUDGES = ("shared", "mujoco")
 """Others than our rollouts of the model as it was fitted."""
-
-type Row = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,19 +212,10 @@ def main() -> int:
     world = {"judges": arguments.judges, "contact_time": arguments.contact_time, "mujoco": arguments.mujoco}
     if arguments.contact_time:
         bench = simulated(bench, arguments.contact_time)
-    there = arguments.save is not None and arguments.save.exists()
-    kept: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
-    rows: list[Row] = []
+    saved, rows = SavedRows(arguments.save), list[Row]()
     arms = {name: Arm(name, bench) for name in arguments.arms}
     for key in cells(arguments):
-        row = next((one for one in kept if {**one, **world, **key} == one), None)
-        if row is None:
-            row = {**world, **key, **run(key, arms, bench, arguments.mujoco)}
-            if arguments.save is not None:
-                with arguments.save.open("a") as file:
-                    file.write(json.dumps(row) + "\n")
-        rows.append(row)
-        print(row, file=sys.stderr, flush=True)
+        rows.append(saved.one({**world, **key}, partial(run, key, arms, bench, arguments.mujoco)))
     if arguments.rows is not None:
         write_rows(rows, arguments.rows)
     print(f"{len(bench.training)} tosses to learn from, {len(bench.held_out)} judge")

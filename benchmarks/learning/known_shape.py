@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks._saved_rows import Row
 from benchmarks.learning import mass_centre
-from benchmarks.learning.mass_centre import Row, as_described, compare, errors_of
+from benchmarks.learning.mass_centre import as_described, compare, errors_of
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of

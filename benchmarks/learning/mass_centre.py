@@ -12,17 +12,16 @@ square's tosses are found through CONTACTNETS_DATA and SQUARE_DATA.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
+from benchmarks._saved_rows import Row, SavedRows
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
@@ -49,8 +48,6 @@ ALL = 0
 ARMS = ("as described", "by flights")
 MEASURES = ("position", "rotation", "mujoco_position", "mujoco_rotation", "vertices_mm", "friction")
 RESAMPLES = 4000
-
-type Row = dict[str, Any]
 
 
 def centre_of(tosses: Sequence[Toss]) -> Array | None:
@@ -169,19 +166,14 @@ def compare(
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    there = arguments.save is not None and arguments.save.exists()
-    rows: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
+    saved = SavedRows(arguments.save)
     for seed in range(arguments.seeds):
         for name in arguments.bodies:
-            if any((row["body"], row["seed"]) == (name, seed) for row in rows):
+            if any((row["body"], row["seed"]) == (name, seed) for row in saved.rows):
                 continue
-            made = make(name, arguments.sizes, seed)
-            if arguments.save is not None:
-                with arguments.save.open("a") as file:
-                    file.writelines(json.dumps(row) + "\n" for row in made)
+            saved.add(make(name, arguments.sizes, seed))
             print(f"{name}, seed {seed}", file=sys.stderr, flush=True)
-            rows += made
-    show(rows)
+    show(saved.rows)
     return 0
 
 

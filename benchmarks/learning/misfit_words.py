@@ -1,10 +1,10 @@
 """How often `check` says of random bodies that they bounce, by their restitution.
 
 Bodies are those of `benchmarks.learning.starts`, many of whose corners rise by themselves when the next one lands, and slender
-boxes. They are thrown in our own simulation and tracked with the real rig's noise; the body as described is the true one. Then
-come the lines of the experiments' bodies, and how far the corners of those go below where they rest that MuJoCo throws with
-contacts of several time constants. Last come frictions that models learn from 16 random tosses in MuJoCo, and in how many of
-the frames that move on the board contacts use them up.
+boxes. They are thrown in our own simulation and tracked with the noise of ContactNets' rig; the body as described is the true
+one. Then come the lines of the experiments' bodies, and how far the corners of those go below where they rest that MuJoCo
+throws with contacts of several time constants. Last come frictions that models learn from 16 random tosses in MuJoCo, and in
+how many of the frames that move on the board contacts use them up.
 
     python -m benchmarks.learning.misfit_words [--bodies 20] [--tosses 16] [--restitutions 0 0.1 0.2 0.3] [--draws 1]
 """
@@ -59,7 +59,7 @@ def softer(body: Body, tosses: Sequence[Toss], milliseconds: int) -> list[Toss]:
     return [thrown_toss(body, start, config) for start in starts]
 
 
-def rubbed(body: Body, tosses: Sequence[Toss], seed: int) -> str:
+def sliding_line(body: Body, tosses: Sequence[Toss], seed: int) -> str:
     """What is learned of their friction, and what is said of it."""
     data = transitions_of(tosses, body.length_scale)
     geometry = fitted(body, data, seed, bounces=False).geometry()
@@ -106,11 +106,11 @@ def main() -> int:
             print(f"{name}: sliding friction {found}, relative standard deviation {slid.variation:.3f}")
         for draw in range(DRAWS):
             some = np.random.default_rng(draw).choice(len(bench.training), FITTED, replace=False).tolist()
-            print(f"{name}: {rubbed(bench.body, [bench.training[place] for place in some], draw)}", flush=True)
+            print(f"{name}: {sliding_line(bench.body, [bench.training[place] for place in some], draw)}", flush=True)
     for body in (CONTACTNETS_CUBE, SLAB, STONE):
         for friction in FRICTIONS:
             tosses = World(replace(body, friction=friction), contacts(2.0, 1.0)).tosses(FITTED, DRAWS)
-            print(f"{body.name}, friction {friction:.2f}: {rubbed(body, tosses, DRAWS)}", flush=True)
+            print(f"{body.name}, friction {friction:.2f}: {sliding_line(body, tosses, DRAWS)}", flush=True)
     return 0
 
 

@@ -11,15 +11,14 @@ With --save rows are kept, and those that are there already are not made again.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
+from benchmarks._saved_rows import Row, SavedRows
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of
@@ -35,8 +34,6 @@ JUDGES = 32
 """Tosses whose motions are predicted."""
 
 MEASURES = ("position", "rotation")
-
-type Row = dict[str, Any]
 
 
 def fitted(bench: Bench, order: Sequence[int], seed: int) -> PolytopeModel:
@@ -91,19 +88,15 @@ def main() -> int:
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    there = arguments.save is not None and arguments.save.exists()
-    rows: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
+    saved = SavedRows(arguments.save)
     for name in arguments.bodies:
         bench = bench_of(name, 0)
         for seed in range(arguments.seeds):
-            done = {row["size"] for row in rows if (row["body"], row["seed"]) == (name, seed)}
+            done = {row["size"] for row in saved.rows if (row["body"], row["seed"]) == (name, seed)}
             made = rows_of(name, bench, [size for size in arguments.sizes if size not in done], seed)
-            if arguments.save is not None:
-                with arguments.save.open("a") as file:
-                    file.writelines(json.dumps(row) + "\n" for row in made)
             print(*made, sep="\n", file=sys.stderr, flush=True)
-            rows += made
-    print_table(rows)
+            saved.add(made)
+    print_table(saved.rows)
     return 0
 
 

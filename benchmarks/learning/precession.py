@@ -15,7 +15,8 @@ from unittest import mock
 
 import numpy as np
 
-from benchmarks.learning.mass_centre import Row, as_described, compare, errors_of, fitted, print_table
+from benchmarks._saved_rows import Row
+from benchmarks.learning.mass_centre import as_described, compare, errors_of, fitted, print_table
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.experiments.bodies import bench_of
 

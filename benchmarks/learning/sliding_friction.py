@@ -23,8 +23,9 @@ from unittest import mock
 
 import numpy as np
 
+from benchmarks._saved_rows import Row
 from benchmarks.learning import coverage
-from benchmarks.learning.mass_centre import Row, compare, errors_of, print_table
+from benchmarks.learning.mass_centre import compare, errors_of, print_table
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of

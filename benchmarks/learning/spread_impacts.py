@@ -21,8 +21,9 @@ from unittest import mock
 import numpy as np
 import torch
 
+from benchmarks._saved_rows import Row
 from benchmarks.learning import coverage, mass_centre
-from benchmarks.learning.mass_centre import Row, compare, errors_of, print_table
+from benchmarks.learning.mass_centre import compare, errors_of, print_table
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.experiments.bodies import bench_of
 from contact_curation.geometry.quaternions import Array

@@ -1,10 +1,10 @@
 """Whether exact fits of any body reach the minimum that a start at the truth reaches, from one start and from several.
 
 Bodies of 6 to 16 vertices near an ellipsoid, all corners of their hull, of even density, are thrown in our own simulation and
-tracked with the real rig's noise. They are described with vertices that are off by some share of their size. Fits begin at
-random shapes about this description (theta_0 of `train`), and with several starts also at it, and at it perturbed. Reached is
-a minimum at most 1 % above the one that the fit from the true shape has, of the same sum with equal variances. Errors of the
-shape are after the best matching of vertices, and as Hausdorff distance of the hulls.
+tracked with the noise of ContactNets' rig. They are described with vertices that are off by some share of their size. Fits
+begin at random shapes about this description (theta_0 of `train`), and with several starts also at it, and at it perturbed.
+Reached is a minimum at most 1 % above the one that the fit from the true shape has, of the same sum with equal variances.
+Errors of the shape are after the best matching of vertices, and as Hausdorff distance of the hulls.
 
     python -m benchmarks.learning.starts [--bodies 20] [--tosses 200] [--starts 1 4] [--off 0.05]
 """

@@ -12,13 +12,13 @@ With `--save` runs are kept, and those that are there already are not made again
 """
 
 import argparse
-import json
 import sys
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks._saved_rows import SavedRows
 from benchmarks.selection.rules import Row, print_summaries, recorded_bench, releases_of
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
@@ -113,17 +113,15 @@ def main() -> int:
         return 1
     bench = recorded.on(calibration_of(recorded.training, recorded.body.polytope))
     bench = replace(bench, held_out=bench.training)
-    there = arguments.save is not None and arguments.save.exists()
-    runs = [Run(**json.loads(line)) for line in arguments.save.read_text().splitlines()] if there else []
+    saved = SavedRows(arguments.save)
+    runs = [Run(**row) for row in saved.rows]
     for seed in range(arguments.seeds):
         for arm in arguments.arms:
             if any((one.arm, one.seed, one.throws) == (arm, seed, arguments.throws) for one in runs):
                 continue
             runs.append(run(arm, seed, arguments.throws, bench))
             print(runs[-1], file=sys.stderr, flush=True)
-            if arguments.save is not None:
-                with arguments.save.open("a") as file:
-                    file.write(json.dumps(asdict(runs[-1])) + "\n")
+            saved.add([asdict(runs[-1])])
     print_runs([one for one in runs if one.seed < arguments.seeds and one.throws == arguments.throws])
     return 0
 

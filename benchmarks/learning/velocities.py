@@ -21,18 +21,18 @@ and those that are there already are not made again.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from scipy.stats import t
 
 from benchmarks._data import contactnets_folder, training_and_held_out
+from benchmarks._saved_rows import Row, SavedRows
 from benchmarks.learning.coverage import WORLDS, fitted
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.models.polytope import PolytopeModel
@@ -51,8 +51,6 @@ BOUNCE = "-bounce"
 KINDS = (*FRAMES, *(f"{name}{BOUNCE}" for name in FRAMES))
 REAL = "real_cube"
 MEASURES = ("friction_error", "vertices_mm", "position", "rotation", "restitution")
-
-type Row = dict[str, Any]
 
 
 def with_differences(data: Transitions, frames: int) -> Transitions:
@@ -157,18 +155,9 @@ def main() -> int:
     if arguments.real and folder is None:
         return 0
     real = training_and_held_out(folder).training if folder else ()
-    there = arguments.save is not None and arguments.save.exists()
-    kept: list[Row] = [json.loads(line) for line in arguments.save.read_text().splitlines()] if there else []
-    rows: list[Row] = []
+    saved, rows = SavedRows(arguments.save), list[Row]()
     for key in keys(arguments):
-        row = next((one for one in kept if {**one, **key} == one), None)
-        if row is None:
-            row = {**key, **row_of(key, real)}
-            if arguments.save is not None:
-                with arguments.save.open("a") as file:
-                    file.write(json.dumps(row) + "\n")
-            print(row, file=sys.stderr, flush=True)
-        rows.append(row)
+        rows.append(saved.one(key, partial(row_of, key, real)))
     print_table(rows)
     return 0
 

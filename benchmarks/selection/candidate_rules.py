@@ -10,7 +10,7 @@ CONTACTNETS_DATA and are corrected by their rig calibration.
 random, longest, log-det, representative   as in docs/explanation/criteria.md, to compare with
 half-random       half of them by log-det, the others at random
 leverage-drawn    drawn with chances as their leverages, and weighted so that the sum stands for the pool's
-expected          by log-det of what the model expects a release to teach, over executions of it, whatever came of it
+expected          by log-det of the predicted information of a release, over executions of it, whatever its outcome
 by-block          a third each by what they tell of the gaps' vertices, of friction's vertices, and of friction
 particles         representative over four thetas, learned from as many initialisations
 *-trimmed         learned without the 2 % of the transitions that are explained worst; *-trimmed-less: the 0.5 %
@@ -228,7 +228,7 @@ def run_trial(tosses: tuple[Toss, ...], reference: ContactGeometry, trial: Trial
 
 
 def chosen_by(trial: Trial, bench: Bench, pool: tuple[Toss, ...]) -> Choice:
-    """What is selected last, each time at what the set before taught."""
+    """What is selected last, each time at the fit to the set before."""
     count = PARTICLES if trial.rule == "particles" else 1
     starts = tuple(bench.initial_polytope(trial.seed + 1000 * number) for number in range(count))
     models, choose = starts, CANDIDATES[trial.rule]

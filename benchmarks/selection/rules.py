@@ -280,7 +280,7 @@ def judged_by_a_fold(tosses: tuple[Toss, ...], reference: ContactGeometry, cell:
 
 
 def fold_bench(tosses: tuple[Toss, ...], reference: ContactGeometry, seed: int) -> Bench:
-    """A seed's fold judges, and the others train; reference: what all of them teach."""
+    """A seed's fold judges, and the others train; reference: fitted to all of them."""
     fold = [place % FOLDS == seed % FOLDS for place in range(len(tosses))]
     training = tuple(toss for toss, judges in zip(tosses, fold) if not judges)
     bench = Bench(CONTACTNETS_CUBE, training, tuple(toss for toss, judges in zip(tosses, fold) if judges), GateConfig())

@@ -36,8 +36,8 @@ BATCH = 64
 def add_options(parser: OneLineParser) -> None:
     """Adds the verb's options to its parser."""
     parser.description = (
-        "Writes the loss terms, impulses and scores of every transition of every toss. No gate is applied. A transition "
-        "whose impulses have no certificate is written with its status, and counted."
+        "Writes the loss terms, impulses and scores of every transition of every toss. No quality check is applied. A "
+        "transition whose impulses have no certificate is written with its status, and counted."
     )
     add_reading_options(parser, ("poses", "segmenter", "loss"))
     parser.add_argument(

@@ -3,9 +3,7 @@
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
-import numpy as np
-
-from contact_curation.errors import InvalidValueError
+from contact_curation.configs import check_positive, set_whole_numbers
 from contact_curation.solver.cone_problem import Cone, ConeWeights
 
 LIGHTEST, HEAVIEST = 0.09, 1.5
@@ -49,11 +47,9 @@ class LossConfig:
 
     def __post_init__(self) -> None:
         _ = self.weights  # checks them
-        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
-            raise InvalidValueError("loss.tolerance", self.tolerance, "a positive number")
-        for name, least in (("max_iterations", 1), ("threads", 0)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(f"loss.{name}", getattr(self, name), f"at least {least}")
+        check_positive(self, ("tolerance",), "loss.")
+        set_whole_numbers(self, ("max_iterations",), 1, prefix="loss.")
+        set_whole_numbers(self, ("threads",), prefix="loss.")
 
     def for_mass(self, mass: float) -> "LossConfig":
         """The same with the weights of impulses such that a body of a mass [kg] counts as `counted_mass` says."""

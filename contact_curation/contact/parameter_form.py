@@ -8,7 +8,7 @@ with its own P parameters, dQ/dtheta, so that scores change as g C and Fisher ma
   motion (method.md 1.1): it is projected out, so that no estimator, Gauss-Newton's least of all, finds information in it.
 - ``physical``: vertices_normal, vertices_tangent, friction (its logarithm), tilt (2) about a pivot, height. The normal stays a
   unit vector, friction a number; nothing depends on where the board's origin lies once the pivot is the data's centroid.
-- ``rigid``: the same with one set of vertices, called vertices_normal: a rigid body touches and rubs at the same points. It may
+- ``rigid``: the same with one set of vertices, called vertices_normal: friction acts at the contact vertices. It may
   have a restitution, behind the vertices.
 """
 

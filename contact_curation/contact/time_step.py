@@ -18,6 +18,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from contact_curation.configs import check_positive, set_whole_numbers
 from contact_curation.contact.body import Body
 from contact_curation.contact.compiled.evaluation import bounce_of
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -53,10 +54,8 @@ class SweepLimits:
     max_sweeps: int = 400
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.tolerance) and self.tolerance > 0.0):
-            raise InvalidValueError("tolerance", self.tolerance, "a positive number")
-        if self.max_sweeps < 1:
-            raise InvalidValueError("max_sweeps", self.max_sweeps, "at least 1")
+        check_positive(self, ("tolerance",))
+        set_whole_numbers(self, ("max_sweeps",), 1)
 
 
 DEFAULT_LIMITS = SweepLimits()

@@ -142,11 +142,11 @@ def loss_and_slopes(contacts: Contacts, frames: Frames, impulses: Tensor, weight
         yielding = 2.0 * weights.match * missed + (approach[:, None] @ jacobians[:, :, 0])[:, 0]
         returned = (yielding[:, None] @ frames.inverse_mass)[:, 0]
         turning = (against * tangent).sum(dim=-1, keepdim=True) / speed.clamp(min=SMALLEST_SLIP)
-        rubbing = 2.0 * weights.dissipation * (normal * against + turning * slip)  # (B, K, 2)
+        dissipated = 2.0 * weights.dissipation * (normal * against + turning * slip)  # (B, K, 2)
 
         slopes = impulses[..., None] * returned[:, None, None]  # (B, K, 3, 6)
         slopes[:, :, 0] += approach[..., None] * reached[:, None]
-        slopes[:, :, 1:] += rubbing[..., None] * frames.velocities_next[:, None, None]
+        slopes[:, :, 1:] += dissipated[..., None] * frames.velocities_next[:, None, None]
         at_contacts = gaps_next.square() * open_ + weights.penetration * inside.square()
         at_contacts += weights.dissipation * against.square().sum(dim=-1)
         losses = weights.match * missed.square().sum(dim=-1) + at_contacts.sum(dim=-1)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from contact_curation.configs import check_not_negative, check_positive
 from contact_curation.design.releases import headings
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
@@ -43,11 +44,8 @@ class NoiseConfig:
     spread_counts: float = 24.0
 
     def __post_init__(self) -> None:
-        for name in ("position", "turn", "velocity", "spin", "bias_counts", "spread_counts"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"noise.{name}", getattr(self, name), "a positive number")
-        if not (np.isfinite(self.speed) and self.speed >= 0.0):
-            raise InvalidValueError("noise.speed", self.speed, "a number of at least 0")
+        check_positive(self, ("position", "turn", "velocity", "spin", "bias_counts", "spread_counts"), "noise.")
+        check_not_negative(self, ("speed",), "noise.")
 
     def units(self, states: Array) -> Array:
         """(K, 12) what is expected of the errors of commands (K, 13)."""

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.configs import check_positive, set_whole_numbers
 from contact_curation.design.candidates import CandidateEvaluator, Candidates
 from contact_curation.design.predicted_information import Particle
 from contact_curation.design.releases import Releases
@@ -167,13 +168,12 @@ class RefinementConfig:
     executions: int = 4
 
     def __post_init__(self) -> None:
-        for name, least in (("generations", 0), ("population", 4), ("tries", 1)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(f"refinement.{name}", getattr(self, name), f"at least {least}")
+        set_whole_numbers(self, ("generations",), prefix="refinement.")
+        set_whole_numbers(self, ("population",), 4, prefix="refinement.")
+        set_whole_numbers(self, ("tries",), 1, prefix="refinement.")
         if self.executions < 2 or self.executions % 2:
             raise InvalidValueError("refinement.executions", self.executions, "an even number of at least 2")
-        if not (np.isfinite(self.step) and self.step > 0.0):
-            raise InvalidValueError("refinement.step", self.step, "a positive number")
+        check_positive(self, ("step",), "refinement.")
         if len(self.scales) != COORDINATES or not all(np.isfinite(scale) and scale > 0.0 for scale in self.scales):
             raise InvalidValueError("refinement.scales", self.scales, f"{COORDINATES} positive numbers")
 

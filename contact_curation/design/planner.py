@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.configs import check_positive, set_whole_numbers
 from contact_curation.design.candidates import CandidateConfig, CandidateEvaluator, Candidates, too_few
 from contact_curation.design.execution_noise import ExecutionNoise
 from contact_curation.design.greedy_batch import (
@@ -67,13 +68,10 @@ class DesignConfig:
     refinement: RefinementConfig = DEFAULT_REFINEMENT
 
     def __post_init__(self) -> None:
-        for name in ("pool", "finalists", "reference"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(f"design.{name}", getattr(self, name), "at least 1")
+        set_whole_numbers(self, ("pool", "finalists", "reference"), 1, prefix="design.")
         if self.sieve < 2 or self.sieve % 2:
             raise InvalidValueError("design.sieve", self.sieve, "an even number of at least 2")
-        if not (np.isfinite(self.share) and self.share > 0.0):
-            raise InvalidValueError("design.share", self.share, "a positive number")
+        check_positive(self, ("share",), "design.")
 
     def simulations(self, count: int) -> int:
         """How many throws the design of so many simulates at each theta, if no search ends early and no batch is refused."""

@@ -1,4 +1,4 @@
-"""Thetas that the known tosses leave open, to say what a throw will teach (method.md 5).
+"""Thetas that the known tosses leave open, to predict the information of a throw (method.md 5).
 
 The motion of a throw depends on theta so much that a search finds throws which tell a lot at one theta and much less at its
 neighbours, half a millimetre away. So the gain of a throw is stated over executions that move by thetas of their own, from

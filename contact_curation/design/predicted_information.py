@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.configs import check_positive, set_whole_numbers
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, SolveStatus, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -97,12 +98,8 @@ class PredictionConfig:
     def __post_init__(self) -> None:
         if self.executions < 2 or self.executions % 2:
             raise InvalidValueError("forecast.executions", self.executions, "an even number of at least 2")
-        for name in ("still_frames", "thinning"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(f"forecast.{name}", getattr(self, name), "at least 1")
-        for name in ("frame_period", "longest", "still_speed", "still_spin", "touching", "airborne"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"forecast.{name}", getattr(self, name), "a positive number")
+        set_whole_numbers(self, ("still_frames", "thinning"), 1, prefix="forecast.")
+        check_positive(self, ("frame_period", "longest", "still_speed", "still_spin", "touching", "airborne"), "forecast.")
         if self.frames < 2:
             raise InvalidValueError("forecast.longest", self.longest, f"at least two frames of {self.frame_period} s")
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from contact_curation.configs import ranged
+from contact_curation.configs import ranged, set_whole_numbers
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.loss_config import counted_mass
 from contact_curation.errors import InvalidValueError
@@ -38,8 +38,9 @@ class ReadinessConfig:
         largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
             (method.md 1.2); by default m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains, and m as
             it counts in the loss: 0.15 for ContactNets' cube, whose real tosses have 0.02 at the true parameters. Noise adds
-            what it makes of velocities over 150 frames a second, or with a noisier tracker than the real rig.
-        tracker_noise: noise of the poses as a multiple of the real rig's, as in pose_ingest's segmenter.tracker_noise.
+            what it makes of velocities over 150 frames a second, or with a noisier tracker than ContactNets'.
+        tracker_noise: noise of the poses as a multiple of that of ContactNets' rig, as in pose_ingest's
+            segmenter.tracker_noise.
         least_agreement: smallest Spearman correlation of the reference throws' information between two thetas.
         most_tosses: from this many scored tosses on agreement is no longer required, only the loss; 0 requires it always.
     """
@@ -53,13 +54,13 @@ class ReadinessConfig:
     most_tosses: int = 6
 
     def __post_init__(self) -> None:
-        for name, least in (("least_tosses", 0), ("recent", 1), ("most_tosses", 0)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(f"readiness.{name}", getattr(self, name), f"at least {least}")
+        set_whole_numbers(self, ("least_tosses", "most_tosses"), prefix="readiness.")
+        set_whole_numbers(self, ("recent",), 1, prefix="readiness.")
         if self.largest_loss is not None and not self.largest_loss > 0.0:
             raise InvalidValueError("readiness.largest_loss", self.largest_loss, "a positive number")
         if not 1.0 <= self.tracker_noise < np.inf:
-            raise InvalidValueError("readiness.tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
+            expected = "1 or more, in multiples of that of ContactNets' rig"
+            raise InvalidValueError("readiness.tracker_noise", self.tracker_noise, expected)
         if not -1.0 <= self.least_agreement <= 1.0:
             raise InvalidValueError("readiness.least_agreement", self.least_agreement, "a correlation")
 

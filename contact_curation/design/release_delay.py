@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_curation.configs import check_positive
 from contact_curation.errors import InvalidValueError
 
 TAILS = 4.0
@@ -57,9 +58,7 @@ class DelayConfig:
     false_alarms: float = 0.001
 
     def __post_init__(self) -> None:
-        for name in ("guess_sd", "jitter", "jitter_weight"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"delay.{name}", getattr(self, name), "a positive number")
+        check_positive(self, ("guess_sd", "jitter", "jitter_weight"), "delay.")
         if not (np.isfinite(self.guess) and self.guess >= 0.0):
             raise InvalidValueError("delay.guess", self.guess, "0 s or more")
         if not 0.0 < self.false_alarms < 0.5:

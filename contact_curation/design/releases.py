@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contact_curation.configs import ranged
+from contact_curation.configs import check_positive, ranged
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
@@ -182,9 +182,7 @@ class PriorConfig:
     spin: float = ranged(1.0, 0.0, 2.0)
 
     def __post_init__(self) -> None:
-        for name in ("speed", "spin"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"prior.{name}", getattr(self, name), "a positive number")
+        check_positive(self, ("speed", "spin"), "prior.")
 
 
 def published_prior(config: PriorConfig) -> ThrowPrior:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.configs import check_not_negative, check_positive, set_whole_numbers
 from contact_curation.contact.body import Body
 from contact_curation.design.execution_noise import ERRORS, ExecutionNoise
 from contact_curation.design.predicted_information import (
@@ -71,24 +72,18 @@ class SafetyConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in (
+        check_positive(self, (
             "largest_speed", "largest_spin", "lowest_release", "highest_release", "largest_energy", "highest_apex",
             "board_half_width",
-        ):  # fmt: skip
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"safety.{name}", getattr(self, name), "a positive number")
-        for name in ("least_clearance", "shortest_flight", "keep_out_radius"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InvalidValueError(f"safety.{name}", getattr(self, name), "a number of at least 0")
+        ), "safety.")  # fmt: skip
+        check_not_negative(self, ("least_clearance", "shortest_flight", "keep_out_radius"), "safety.")
         if self.lowest_release >= self.highest_release:
             raise InvalidValueError("safety.lowest_release", self.lowest_release, f"less than {self.highest_release}")
         if np.shape(self.keep_out_place) != (2,) or not np.isfinite(self.keep_out_place).all():
             raise InvalidValueError("safety.keep_out_place", self.keep_out_place, "2 finite numbers [m]")
         if not 0.0 <= self.share < 1.0:
             raise InvalidValueError("safety.share", self.share, "a share in [0, 1)")
-        for name in ("executions", "motions"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(f"safety.{name}", getattr(self, name), "at least 1")
+        set_whole_numbers(self, ("executions", "motions"), 1, prefix="safety.")
 
 
 DEFAULT_SAFETY = SafetyConfig()

@@ -5,7 +5,7 @@
 - square: 350 throws of a bouncing square prism in a vertical plane (Fazeli; DAIRLab/ImpactModeling), as poses (K, 200, 3) of
   x [m], z [m] and theta [rad], from x towards z, at 250 Hz in throws.npz, in the folder that SQUARE_DATA names; of these
   the motions up to rest that the quality checks accept
-- slab, wedge, irregular: thrown in MuJoCo from random releases, with the noise of the real rig's tracker; the truth is known
+- slab, wedge, irregular: thrown in MuJoCo from random releases, with the noise of ContactNets' tracker; the truth is known
 
 A third of the tosses, drawn by a seed, judges what is learned from the others.
 """
@@ -134,7 +134,7 @@ def _hull(name: str, corners: Array) -> tuple[Body, tuple[Toss, ...]]:
 
 
 def _thrown(body: Body) -> tuple[Toss, ...]:
-    """Throws of a body that come to rest, as a tracker with the real rig's noise sees them."""
+    """Throws of a body that come to rest, as a tracker with the noise of ContactNets' sees them."""
     from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss  # MuJoCo takes a second to import
 
     tosses, config, tracker = list[Toss](), ThrownTossConfig(), TrackerNoiseConfig()

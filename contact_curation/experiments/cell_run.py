@@ -286,12 +286,12 @@ def judged(model: Model, bench: Bench) -> Row:
     rigid = motion_row(predicted_motions(model.with_shared_vertices(), bench.held_out, EvaluationConfig()).errors)
     reference = bench.reference
     away = geometry.vertices_normal - reference.vertices_normal
-    taught = float(np.linalg.norm(reference.tangents[0]) / np.linalg.norm(reference.normal))
+    friction = float(np.linalg.norm(reference.tangents[0]) / np.linalg.norm(reference.normal))
     shape: Row = {
         "vertices": found.shape.vertex_rms_mm,
         "vertices_from_all": 1e3 * bench.body.length_scale * float(np.sqrt(np.square(away).sum(axis=1).mean())),
         "friction": found.shape.friction,
-        "friction_from_all": abs(found.shape.friction - taught),
+        "friction_from_all": abs(found.shape.friction - friction),
     }
     return row | {f"rigid_{name}": value for name, value in rigid.items()} | shape
 

@@ -37,7 +37,7 @@ THROWN = {
     "world_rotation": "rotation error in the throws' world [deg]",
     "friction_from_described": "friction off the described body",
 }
-TAUGHT = (
+THROWN_MORE = (
     "world_penetration",
     "landed",
     "position_median",
@@ -212,7 +212,7 @@ LAYOUTS: dict[Experiment, Layout] = {
     ),
     Experiment.DESIGNED_THROWS: Layout(
         ("model", "protocol", "steps", "world", "restitution", "rule", "throws"),
-        (*THROWN, *TAUGHT),
+        (*THROWN, *THROWN_MORE),
         _throws,
         "throws",
         "Errors after learning from throws",

@@ -10,15 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.polytopes import Polytope
+from contact_curation.geometry.polytopes import SAME_PLANE, Polytope
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.tags import BLACK_CELLS, CELLS, Tag, TagMap
 
 TURNS = np.radians(np.arange(0.0, 90.0, 7.5))
-SAME_PLANE = 1e-6
-"""Planes whose normals and, in sizes of the body, offsets differ by less are one face."""
-
 SMALLEST = 0.01
 """Edge [m] below which a face gets no tag."""
 

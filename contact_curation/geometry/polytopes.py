@@ -19,6 +19,10 @@ ON_THE_FACE = 1e-6
 """Share of a body's extent that a vertex of a face may be off its plane."""
 
 
+SAME_PLANE = 1e-6
+"""Planes of a hull whose unit normals, and where they are compared offsets, differ by less are one face."""
+
+
 @dataclass(frozen=True, eq=False)
 class Polytope:
     """A convex body.

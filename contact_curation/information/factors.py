@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
@@ -29,8 +30,7 @@ class Compression:
     cut: float = 1e-13
 
     def __post_init__(self) -> None:
-        if self.max_rows < 1:
-            raise InvalidValueError("compression.max_rows", self.max_rows, "at least 1")
+        set_whole_numbers(self, ("max_rows",), 1, prefix="compression.")
         if not 0.0 <= self.cut < 1.0:
             raise InvalidValueError("compression.cut", self.cut, "a number from 0 to below 1")
 

@@ -37,10 +37,10 @@ from contact_curation.motion.pose_stream import (
 from contact_curation.motion.toss import NANOSECONDS
 
 EVEN = 250_000
-"""[ns] Steps of an even stream differ by no more from multiples of its period; the real rig's differ by up to 0.203 ms."""
+"""[ns] Steps of an even stream differ by no more from multiples of its period; ContactNets' differ by up to 0.203 ms."""
 
 UNSTEADY = 85_000
-"""[ns] Nor is their root mean square, over the last hundred or so: the real rig's is 0.044 ms, and never over 0.071 ms."""
+"""[ns] Nor is their root mean square, over the last hundred or so: ContactNets' is 0.044 ms, and never over 0.071 ms."""
 
 MOST_UNSTEADY = float(UNSTEADY) ** 2
 """[ns^2] The same, squared."""

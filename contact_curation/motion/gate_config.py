@@ -43,8 +43,8 @@ class GateConfig:
     `size` is half the width of a cube with the same spread of vertices (`motion.scales`), g gravity. In brackets stands the
     derived bound of ContactNets' cube.
 
-    Bounds on velocities hold up to 150 frames a second for the real rig's noise; with more of either they grow, those on
-    accelerations with the square of the rate.
+    Bounds on velocities hold up to 150 frames a second for the noise of ContactNets' rig; with more of either they grow, those
+    on     accelerations with the square of the rate.
 
     Attributes:
         enabled: whether gates are applied; if not, every toss passes.

@@ -98,13 +98,14 @@ class TossIngest:
 
     @property
     def noise_done(self) -> str:
-        """What bounds are taken because of the noise that was measured, one line; nothing where they are the real rig's."""
+        """For how much measured noise the bounds are, one line; nothing where they are those for ContactNets' rig."""
         tracker = self.tracker
         if self.config.segmenter.tracker_noise is not None or tracker == RIG:
             return ""
-        bounds = f"bounds for {tracker.position:.2g} times the real rig's noise, {tracker.turn:.2g} times of orientations"
+        noise = f"{tracker.position:.2g} times the noise of ContactNets' rig ({tracker.turn:.2g} times that of orientations)"
         since = f"from {(self._noisy_ns or 0) / NANOSECONDS:.1f} s after the first pose on"
-        return f"{scattering(self.noise.multiple)}: {since} there are {bounds}; segmenter.tracker_noise sets them for all poses"
+        bounds = f"the bounds of segmenting and quality checks are those for {noise}"
+        return f"{scattering(self.noise.multiple)}: {since} {bounds}; segmenter.tracker_noise sets it for all poses"
 
     @property
     def stamps_done(self) -> str:

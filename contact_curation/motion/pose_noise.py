@@ -26,7 +26,7 @@ from contact_curation.geometry.scalars import Quaternion, Vector
 from contact_curation.motion.pose_stream import PoseRun, finite, reading_state, stamped_pose
 
 RIG_NOISE = 2.2e-5
-"""Of the real rig's positions, standard deviation per axis [m] (method.md 3); segmenter and gates have their bounds for it."""
+"""Of positions of ContactNets' rig, standard deviation per axis [m] (method.md 3); bounds of segmenter and gates are for it."""
 
 RIG_TURN = radians(0.024)
 """Of its orientations, likewise [rad]."""
@@ -63,7 +63,7 @@ class TrackerScale:
     """How noisy a tracker's poses are from frame to frame.
 
     Attributes:
-        position: multiple of the real rig's noise of positions, at least 1.
+        position: multiple of the noise of positions of ContactNets' rig, at least 1.
         turn: likewise of orientations.
     """
 
@@ -76,7 +76,7 @@ class TrackerScale:
 
 
 RIG = TrackerScale()
-"""The real rig itself."""
+"""ContactNets' rig."""
 
 
 class PoseNoise:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
-from contact_curation.errors import InvalidValueError
+from contact_curation.configs import check_positive
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 
@@ -68,9 +68,7 @@ class ReleaseConfig:
     significance: float = 25.0
 
     def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"release.{name}", getattr(self, name), "a positive number")
+        check_positive(self, self.__dataclass_fields__, "release.")
 
 
 DEFAULT_RELEASE = ReleaseConfig()

@@ -42,7 +42,7 @@ from contact_curation.motion.toss_rules import (
 )
 
 DOUBTFUL = 1.2
-"""Times the real rig's noise, that of accelerations by rate counted in: from there on it may look like free fall."""
+"""Times the noise of ContactNets' rig, that of accelerations by rate counted in: from there on it may look like free fall."""
 
 CONFIRMED, FALLING = 0.1, 0.85
 """Where noise may look like free fall a toss is none unless it falls over so long a time [s] by that share of gravity."""

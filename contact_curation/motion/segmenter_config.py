@@ -63,8 +63,8 @@ class SegmenterConfig:
         frame_period: nominal time between frames [s]; by default the median of the stamp differences.
         largest_gap: longest time between frames, in frame periods; one transition spans a gap.
         most_frames: a motion with more frames than this is dropped.
-        tracker_noise: noise of the poses between frames as a multiple of the real rig's, 0.022 mm and 0.024 degrees per axis;
-            the bounds of segmenter and gates that noise reaches grow with it; by default it is measured.
+        tracker_noise: noise of the poses between frames as a multiple of that of ContactNets' rig, 0.022 mm and 0.024 degrees
+            per axis; the bounds of segmenter and gates that noise reaches grow with it; by default it is measured.
         filter_orientations: whether a median of three is applied to orientations first, for raw trackers; ContactNets' files
             are filtered already.
         closed_up: whether the stamps were made from a rate, without those of frames that were lost: a toss gets the periods
@@ -102,7 +102,7 @@ class SegmenterConfig:
             elif not isinstance(value, bool) and value is not None and not value > 0.0:
                 raise InvalidValueError(each.name, value, "a positive number")
         if self.tracker_noise is not None and not 1.0 <= self.tracker_noise < inf:
-            raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of the real rig's")
+            raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of that of ContactNets' rig")
 
     @property
     def bounded(self) -> bool:
@@ -115,7 +115,7 @@ class SegmenterConfig:
 
     @property
     def tracker(self) -> TrackerScale:
-        """How noisy the tracker is, as its user says; where he says nothing, as the real rig until it is measured."""
+        """How noisy the tracker is, as its user says; where he says nothing, as ContactNets' rig until it is measured."""
         return RIG if self.tracker_noise is None else TrackerScale(self.tracker_noise, self.tracker_noise)
 
     def bounds(self, body: BodyScale, tracker: TrackerScale) -> "SegmenterBounds":
@@ -152,7 +152,7 @@ class SegmenterBounds:
         rest_travel: how far a body at rest may come within `rest_frames` [m].
         airborne_noise: noise may change a displacement in the air by so much from frame to frame [m]; zero where the user has
             set `airborne_acceleration`.
-        noise: of positions, in multiples of the real rig's.
+        noise: of positions, in multiples of that of ContactNets' rig.
         reach: of the body [m].
     """
 
@@ -173,7 +173,7 @@ class SegmenterBounds:
     reach: float
 
     def acceleration_noise(self, frame_period: float) -> float:
-        """How much noisier accelerations are than the real rig's, at least 1."""
+        """How much noisier accelerations are than those of ContactNets' rig, at least 1."""
         return noise_growth(frame_period, self.noise, 2)
 
     def airborne_bound(self, frame_period: float) -> float:

@@ -19,13 +19,13 @@ QUIET_PERIOD = 1.0 / 150.0
 
 
 def noise_growth(frame_period: float, noise: float = 1.0, order: int = 1) -> float:
-    """How much noisier derivatives are than those of the real rig's poses at `QUIET_PERIOD`; at least 1.
+    """How much noisier derivatives are than those of ContactNets' poses at `QUIET_PERIOD`; at least 1.
 
     With bounds that grow so, a tracker's jump of the same length is seen at any rate.
 
     Args:
         frame_period: [s].
-        noise: of the poses, in multiples of the real rig's.
+        noise: of the poses, in multiples of that of ContactNets' rig.
         order: 1 of velocities, 2 of accelerations.
     """
     return max(1.0, noise * (QUIET_PERIOD / frame_period) ** order)

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_curation_msgs.msg import CuratedBuffer
-from contact_curation_msgs.msg import TossInformation as TossInformationMessage
-from contact_curation_msgs.srv import GetInformation, SaveBuffer
+from contact_curation_msgs.srv import SaveBuffer
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.parameter import Parameter
@@ -17,9 +16,9 @@ from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.nodes.messages.headers import stamped_of
-from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.messages.toss_information import INFORMATION, information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.catch_up import CatchUp, Source
+from contact_curation.nodes.ros.catch_up import CatchUp
 from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
@@ -33,8 +32,6 @@ from contact_curation.stages.records import Cursor
 from contact_curation.storage.manifest.file import provenance_of, write_manifest
 from contact_curation.storage.outputs import check_replaceable, path_below
 from contact_curation.storage.stores.information import InformationStore
-
-INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
 
 class Curator(StageNode):

@@ -15,8 +15,7 @@ from typing import Any
 
 from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, ThrowReport, TossRejected, TrainingStatus
 from contact_curation_msgs.msg import Toss as TossMessage
-from contact_curation_msgs.msg import TossInformation as TossInformationMessage
-from contact_curation_msgs.srv import GetInformation, GetTosses
+from contact_curation_msgs.srv import GetTosses
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 
@@ -30,7 +29,7 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import check_format, nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, selected_set_of, theta_of, throw_made_of, training_of
 from contact_curation.nodes.messages.toss import toss_of
-from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.messages.toss_information import INFORMATION, information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.catch_up import PERIOD, Source
 from contact_curation.nodes.ros.follow import HELD, Follow
@@ -46,7 +45,6 @@ from contact_curation.stages.scoring import checked_body
 from contact_curation.storage.outputs import check_replaceable
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
-INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
 NEWEST_TOSSES = 64
 """Number of earlier tosses that a dashboard requests when it starts late; it requests all information."""

@@ -31,7 +31,7 @@ from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import latched, profile
+from contact_curation.nodes.ros.qos import TRUTH_DEPTH, latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.nodes.throw_server import ThrowServer, declared_oldest_goal
@@ -43,9 +43,6 @@ from contact_curation.simulation.arm.simulation import ControlConfig
 from contact_curation.simulation.arm.throw_motion import ThrowPlanner
 from contact_curation.stages.arm import ArmStage
 from contact_curation.stages.simulated_time import AwakeClock, RateLimiter, SimulatedTime, Ticks
-
-TRUTH_DEPTH = 2000
-"""Depth of `ground_truth`: how many frames a subscriber may lag behind."""
 
 BEAT = 0.1
 """Time between the node's own heartbeats, which come from the thread that would receive a stop [s]."""

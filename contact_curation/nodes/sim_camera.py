@@ -25,7 +25,7 @@ from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport, Rate, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
-from contact_curation.nodes.ros.qos import latched, profile
+from contact_curation.nodes.ros.qos import TRUTH_DEPTH, latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
 from contact_curation.simulation.camera.camera import CameraConfig
@@ -34,9 +34,6 @@ from contact_curation.simulation.tracker_noise import TrackerNoiseConfig
 from contact_curation.storage.datasets.tagslam_bag import TagslamRig
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, measured_pose
 from contact_curation.storage.tag_map_file import read_tag_rig
-
-TRUTH_DEPTH = 2000
-"""Depth of the subscription to the ground truth [frames]."""
 
 THROWS_KNOWN = 2
 """Number of throws that are remembered: a new throw may be announced before the last frames of the previous one arrive."""

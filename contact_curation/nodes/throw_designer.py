@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from contact_curation_msgs.msg import CuratedBuffer, ModelParameters, TossRejected, TrainingStatus
-from contact_curation_msgs.msg import TossInformation as TossInformationMessage
-from contact_curation_msgs.srv import GetInformation, ProposeThrow
+from contact_curation_msgs.srv import ProposeThrow
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from std_msgs.msg import Bool
@@ -21,9 +20,9 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import Stamped, check_format, nanoseconds_of
 from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.throw import executed_throw_of, throw_message
-from contact_curation.nodes.messages.toss_information import information_of
+from contact_curation.nodes.messages.toss_information import INFORMATION, information_of
 from contact_curation.nodes.ros.body_parameter import declared_body
-from contact_curation.nodes.ros.catch_up import CatchUp, Source
+from contact_curation.nodes.ros.catch_up import CatchUp
 from contact_curation.nodes.ros.design_parameters import declared_design, declared_loop, declared_thrower
 from contact_curation.nodes.ros.health import Health, HealthReport
 from contact_curation.nodes.ros.node_main import StageNode, run
@@ -38,8 +37,6 @@ from contact_curation.stages.records import Cursor, Proposal
 from contact_curation.stages.scored_theta import polytope_of, read_scored_theta
 from contact_curation.stages.throw_loop import ThrowLoop
 from contact_curation.storage.stores.state import StateStore
-
-INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
 
 PERIOD = 0.05
 """Time between checks whether the next throw is due [s]."""

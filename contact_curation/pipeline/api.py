@@ -1,12 +1,17 @@
-"""The functions of `import contact_curation as cc`; defaults and results are those of the commands, to the last digit."""
+"""The functions of `import contact_curation as cc`; results are those of the commands, to the last digit.
 
-from collections.abc import Iterable, Sequence
+Defaults are those of the commands, too, but that `train` holds no tosses out unless it is told to.
+"""
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from contact_curation.configs import whole_number
+from contact_curation.configs import truth_value, whole_number
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
@@ -22,13 +27,13 @@ from contact_curation.pipeline.diagnosis import MOST_MESSAGES, Diagnosis, diagno
 from contact_curation.pipeline.division import DivisionConfig, HeldOut, held_out_rule, learning_tosses
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.ranking import RankConfig, rank_tosses
-from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.reading import ReadingConfig, inputs_config
 from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import Theta, described_polytope, form_of, theta_of
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
 from contact_curation.pipeline.tosses import Inputs, Tosses, input_paths, read_tosses
-from contact_curation.pipeline.workers import Progress, silent
+from contact_curation.pipeline.workers import Progress, processes_for, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.parameters_file import Parameters
@@ -53,8 +58,8 @@ def read(
     inputs: Inputs,
     body: GivenBody | None = None,
     *,
-    config: InputsConfig | None = None,
-    jobs: int = 1,
+    config: InputsConfig | Mapping[str, object] | None = None,
+    jobs: int | None = 1,
     progress: Progress = silent,
 ) -> Tosses:
     """Reads the tosses of recordings, and the rejected motions with their reasons.
@@ -63,8 +68,9 @@ def read(
         inputs: an MCAP file, a rosbag2 folder or its storage file, a ROS 1 bag, a folder of ContactNets' `.pt` files or one of
             them; several of those; or a pattern such as ``"bags/*.mcap"``.
         body: the tossed object, or its file; None assumes ContactNets' cube, with a warning.
-        config: topics, rules of segmenting, quality checks, calibration of the rig; None for the defaults.
-        jobs: number of recordings that are read at the same time, each in a process.
+        config: settings by the names that `--set` takes (docs/ros/reference.md), such as
+            ``{"poses.topic": "/my_tracker/brick", "gates.depth": 0.01}``, or an `InputsConfig`; None for the defaults.
+        jobs: number of recordings that are read at the same time, each in a process; None as in `rank`.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
     Returns:
@@ -73,6 +79,7 @@ def read(
 
     Raises:
         UnreadableInputError: nothing matches a pattern.
+        InvalidValueError: an argument is not accepted, such as a setting that does not exist.
 
     Examples:
         >>> tosses = cc.read("session.mcap", body=body)
@@ -84,8 +91,8 @@ def read(
         'displacement beside the velocity'
     """
     with progress("reading", "tosses") as bar:
-        reading = ReadingConfig(CONTACTNETS_CUBE if body is None else body_of(body), config or InputsConfig())
-        found = read_tosses(input_paths(inputs), reading, jobs, bar.advance)
+        paths = input_paths(inputs)
+        found = read_tosses(paths, _reading(body, config), processes_for(paths, jobs), bar.advance)
     return found if body is not None else replace(found, warnings=(NO_BODY, *found.warnings))
 
 
@@ -94,7 +101,7 @@ def check(
     inputs: Inputs,
     body: GivenBody | None = None,
     *,
-    config: InputsConfig | None = None,
+    config: InputsConfig | Mapping[str, object] | None = None,
     most_messages: int = MOST_MESSAGES,
     progress: Progress = silent,
 ) -> Diagnosis:
@@ -103,7 +110,7 @@ def check(
     Args:
         inputs: as in `read`.
         body: the tossed object, or its file; None assumes ContactNets' cube, which is a warning.
-        config: topics, rules of segmenting, quality checks, calibration of the rig; None for the defaults.
+        config: as in `read`.
         most_messages: largest number of messages of pose topics that are read, the first ones of each recording.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
 
@@ -121,8 +128,7 @@ def check(
     """
     paths = input_paths(inputs)
     with progress("checking", "recordings", len(paths)) as bar:
-        reading = ReadingConfig(CONTACTNETS_CUBE if body is None else body_of(body), config or InputsConfig())
-        found = diagnose(paths, reading, most_messages=most_messages, advance=bar.advance)
+        found = diagnose(paths, _reading(body, config), most_messages=most_messages, advance=bar.advance)
     return found if body is not None else replace(found, warnings=(NO_BODY,))
 
 
@@ -161,8 +167,9 @@ def score(
     place = Device(device)
     found = _tosses(tosses, _body(body, model, tosses)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator, place)
-    (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
-    return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
+    with _threads_of_torch_kept():
+        (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
+        return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
 
 
 @says_what_to_install
@@ -229,9 +236,10 @@ def rank(
         parameters=f"body {reading.body.name}" if model is None else getattr(model, "name", str(model)),
         held_out=_held_out(held_out),
         jobs=jobs,
-        index=None if index is None else RecordingIndex(Path(index)),
+        index=None if index is None else RecordingIndex(path_of("index", index, "the path of a folder")),
     )
-    ranked = rank_tosses(source, config, progress)
+    with _threads_of_torch_kept():
+        ranked = rank_tosses(source, config, progress)
     ranked.evidence()  # refuses where nothing was ranked
     return ranked if known or isinstance(tosses, Tosses) else replace(ranked, warnings=(NO_BODY, *ranked.warnings))
 
@@ -246,7 +254,7 @@ def train(
     steps: int | None = None,
     seed: int = 0,
     held_out: HeldOut | None = None,
-    start: str | PathLike[str] | None = None,
+    start: "GivenModel | None" = None,
     restitution: bool = False,
     shape_known_to: float | None = None,
     progress: Progress = silent,
@@ -256,15 +264,16 @@ def train(
     Args:
         tosses: tosses to learn from: those of `read` or of `RankedTosses.selected`, or inputs as for `read`.
         model: ``polytope``, ``deep``, ``deepvertex`` or ``end_to_end``.
-        body: the tossed object, or its file, if `tosses` are recordings; None for the model's body or, without a model,
-            ContactNets' cube.
+        body: the tossed object, or its file, if `tosses` are recordings; None for that of `start` or, without it, ContactNets'
+            cube.
         protocol: ``exact`` fits a polytope to the optimum of its loss; ``budgeted`` makes a fixed number of gradient steps;
             ``published`` is ContactNets' protocol, which ends when the held-out loss stops falling; ``auto`` is ``exact`` for
             a polytope without `steps`, and else ``budgeted`` (method.md 1.12 and 2.10).
         steps: largest number of gradient steps; None for that of the protocol.
         seed: random seed of the initialisation and the order of batches.
-        held_out: tosses that are not learned from: numbers, a share, or a file of ids, as in `rank`; None for none.
-        start: checkpoint to start from; None for the published random initialisation.
+        held_out: tosses that are not learned from: numbers, a share, or a file of ids, as in `rank`; None for none, where the
+            command holds out a fifth.
+        start: model of this kind to start from, or its file; None for the published random initialisation.
         restitution: whether a polytope learns a restitution, too, by the exact protocol. If it does not and the tosses bounce,
             `warnings` of the model say so.
         shape_known_to: how exactly the corners of the body (or of `start`) are known, their standard deviation [m]: the exact
@@ -286,33 +295,35 @@ def train(
     """
     import torch
 
+    from contact_curation.pipeline.learned_model import LearnedModel
     from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, protocol_named, start_of
 
-    torch.set_num_threads(1)  # threads that share busy cores wait for each other, and the sums' order would depend on them
+    if start is not None and not isinstance(start, LearnedModel):
+        start = path_of("start", start, "a model, or the path of its file")
     found = _tosses(tosses, _body(body, start, tosses))
     model_entry(model)  # refuses what is none
     load_kernel()
     config = PROTOCOLS[protocol_named(protocol, model, by_steps=steps is not None)](model)
     steps = config.steps if steps is None else steps
     division = DivisionConfig(_held_out(held_out), said=held_out is not None)
-    running = TrainingRun.begun(
-        TrainConfig(
-            kind=model,
-            body=found.body,
-            protocol=replace(config, steps=steps, restitution=restitution, shape_known_to=shape_known_to),
-            start=start_of(None if start is None else path_of("start", start, "a checkpoint's path"), model, found.body),
-            seed=seed,
-            rig=found.config.inputs.rig,
-        ),
-        learning_tosses(found, division),
+    learning = learning_tosses(found, division)
+    budget = replace(config, steps=steps, restitution=truth_value("restitution", restitution), shape_known_to=shape_known_to)
+    plan = TrainConfig(
+        kind=model,
+        body=found.body,
+        protocol=budget,
+        start=start_of(start, model, found.body),
+        seed=seed,
+        rig=found.config.inputs.rig,
     )
-    budget = running.plan.protocol
-    with progress("training", "steps", None if budget.exact else budget.steps) as bar:
+    with _threads_of_torch_kept(), progress("training", "steps", None if budget.exact else budget.steps) as bar:
+        torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
+        running = TrainingRun.begun(plan, learning)
         while running.running:
             bar.advance(1, running.advance())
-    running.check()
-    bounce = running.bounce()
-    missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
+        running.check()
+        bounce = running.bounce()
+        missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
     return replace(running.model(), warnings=(*found.warnings, *filter(None, (missing,))))
 
 
@@ -364,7 +375,8 @@ def evaluate(
     models = [first] if against is None else [first, model_of(against, first.body)]
     judged = judging_tosses(_tosses(tosses, first.body), held_out, models, HELD_OUT)
     config = evaluation_config(bootstrap=BootstrapConfig(seed=seed))
-    return evaluate_models(models, judged, config, progress=progress, more=more)
+    with _threads_of_torch_kept():
+        return evaluate_models(models, judged, config, progress=progress, more=more)
 
 
 @says_what_to_install
@@ -419,10 +431,26 @@ def design(
             _body(given, one)
     models = [model_of(one, given) for one in several if one is not None]
     thetas = tuple(map(_polytope, models)) or (described_polytope(given or CONTACTNETS_CUBE),)
-    task = DesignTask(thetas, _by_id(known), method=method, arm=arm, seed=seed, name=name)
+    task = DesignTask(thetas, _by_id(known), method=method, arm=truth_value("arm", arm), seed=seed, name=name)
     with progress("designing", "simulated throws", task.simulations(throws)) as bar:
         found = design_throws(task, throws, bar.advance)
     return found if models or given else replace(found, warnings=(NO_BODY,))
+
+
+@contextmanager
+def _threads_of_torch_kept() -> Iterator[None]:
+    """Gives back the caller's number of threads: computations here take one. Does nothing where torch is not imported."""
+    torch = sys.modules.get("torch")
+    before = torch.get_num_threads() if torch else 0
+    try:
+        yield
+    finally:
+        if torch:
+            torch.set_num_threads(before)
+
+
+def _reading(body: GivenBody | None, config: InputsConfig | Mapping[str, object] | None) -> ReadingConfig:
+    return ReadingConfig(CONTACTNETS_CUBE if body is None else body_of(body), inputs_config(config))
 
 
 def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:

@@ -75,7 +75,7 @@ class Evaluation:
     Attributes:
         models: one, or two that are compared.
         evaluations: of them, over the same tosses.
-        rigid: of polytopes that rub elsewhere than where they touch, as if they did not, by what they are called.
+        rigid: of polytopes whose friction acts at other vertices than their gaps, with shared vertices; by their names.
         tosses: by which, and why these.
         known: what is known of the first model's parameters; None where that cannot be said.
         why_not: why.

@@ -4,7 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from contact_curation.configs import field_of, with_fields
 from contact_curation.contact.body import Body
+from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.numbers import shortened
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Rejected, Toss
@@ -23,6 +26,24 @@ class ReadingConfig:
 
     body: Body
     inputs: InputsConfig = field(default_factory=InputsConfig)
+
+
+def inputs_config(given: InputsConfig | Mapping[str, object] | None) -> InputsConfig:
+    """The configuration, the default one for None, or that with some fields changed by their paths, as `--set` names them.
+
+    Raises:
+        InvalidValueError: it is something else, or a path or a value is not accepted.
+    """
+    if given is None or isinstance(given, InputsConfig):
+        return given or InputsConfig()
+    if not isinstance(given, Mapping):
+        raise InvalidValueError("config", shortened(repr(given)), "settings such as {'gates.depth': 0.01}, or an InputsConfig")
+    config = InputsConfig()
+    values = {field_of(config, path).path: tuple(value) if isinstance(value, list) else value for path, value in given.items()}
+    try:
+        return with_fields(config, values)
+    except (TypeError, ValueError) as error:
+        raise InvalidValueError("config", shortened(given), "values of the types that docs/ros/reference.md has") from error
 
 
 @dataclass(frozen=True)

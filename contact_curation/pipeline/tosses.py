@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.numbers import shortened
 from contact_curation.learning.evaluation.held_out import NumberedToss
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig, numbered
@@ -26,6 +27,8 @@ from contact_curation.storage.provenance import SeenToss, seen_toss
 type Inputs = str | PathLike[str] | Sequence[str | PathLike[str]]
 """A recording, several, or a pattern such as ``"bags/*.mcap"``; each a path or an address such as ``"s3://lab/*.mcap"``."""
 
+
+PATHS_EXPECTED = "paths of recordings, or what `read` gives; `Tosses.of(tosses, body)` is for tosses in memory"
 
 CHECK_SAYS = "at least one; `contact-curation check` says what to do"
 """What is expected where recordings have no toss."""
@@ -263,11 +266,12 @@ def input_paths(inputs: Inputs) -> tuple[Path, ...]:
 
     Raises:
         UnreadableInputError: nothing matches a pattern.
-        InvalidValueError: one has no name, which would be the current folder.
+        InvalidValueError: one is no path, or has no name, which would be the current folder.
     """
-    several = [inputs] if isinstance(inputs, str | PathLike) else list(inputs)
-    if "" in several:
-        raise InvalidValueError("inputs", "''", "the paths of recordings")
+    several = list(inputs) if isinstance(inputs, Iterable) and not isinstance(inputs, str | PathLike) else [inputs]
+    for one in several:
+        if one == "" or not isinstance(one, str | PathLike):
+            raise InvalidValueError("inputs", shortened(repr(one)), PATHS_EXPECTED)
     return tuple(path for one in several for path in ([one] if isinstance(one, Address) else matching(fspath(one))))
 
 

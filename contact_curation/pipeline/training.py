@@ -36,7 +36,7 @@ from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses
 from contact_curation.pipeline.learned_model import OPTIMUM, LearnedModel, model_of_checkpoint
 from contact_curation.pipeline.reading import settings_of
-from contact_curation.storage.parameters_file import Parameters, is_checkpoint, read_theta
+from contact_curation.storage.parameters_file import Parameters, read_theta
 from contact_curation.version import __version__
 
 
@@ -140,19 +140,19 @@ def protocol_named(name: str, kind: str, form: Form | None = None, by_steps: boo
     return "exact" if model_class(kind).has_exact_fit(form or Form.RIGID) and not by_steps else "budgeted"
 
 
-def start_of(path: Path | None, kind: str, body: Body) -> Model | Parameters | None:
-    """The initial parameters of a training.
+def start_of(given: LearnedModel | Path | None, kind: str, body: Body) -> Model | Parameters | None:
+    """The initial parameters of a training: those of a model, or of its file.
 
     Raises:
         ContactCurationError: the file holds no such model.
     """
-    if path is None:
+    if given is None:
         return None
-    if not is_checkpoint(path) and not model_entry(kind).is_geometry:
-        raise InvalidValueError("--params", f"{path}, a polytope", f"a checkpoint of a {kind} model")
-    theta = read_theta(path, body)
+    name, theta = (given.name, given.model) if isinstance(given, LearnedModel) else (given, read_theta(given, body))
+    if not isinstance(theta, Model) and not model_entry(kind).is_geometry:
+        raise InvalidValueError("model to start from", f"{name}, a polytope", f"a checkpoint of a {kind} model")
     if isinstance(theta, Model) and theta.kind != kind:
-        raise InvalidValueError(f"model of {path}", theta.kind, f"{kind}, as --model says")
+        raise InvalidValueError(f"model of {name}", theta.kind, f"{kind}, which is to be trained")
     return theta
 
 

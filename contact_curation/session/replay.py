@@ -10,7 +10,7 @@ from pathlib import Path
 from contact_curation.session.free_domain import graph_domain
 from contact_curation.session.graph import graph_environment, node_command
 from contact_curation.session.parameter_files import Parameters, write_node_parameters
-from contact_curation.session.state import PAGE, FollowedRecord, FollowedTosses, in_information_store
+from contact_curation.session.state import PAGE, FollowedRecord, FollowedTosses
 from contact_curation.session.supervisor import Incident, Program, Supervisor
 from contact_curation.stages.records import BufferRecord
 from contact_curation.storage.stores.information import InformationStore
@@ -114,7 +114,7 @@ class _Nodes:
 
     def __init__(self, ingest: Path, curator: Path) -> None:
         self._tosses = FollowedTosses(ingest)
-        self._buffer = FollowedRecord(curator, BufferRecord(), in_information_store)
+        self._buffer = FollowedRecord(curator, BufferRecord(), InformationStore)
         self._curator = curator
         self._traces: dict[str, float] = {}
         self._last = 0

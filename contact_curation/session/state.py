@@ -3,7 +3,6 @@
 A stage stores before it announces, so that what is read here is never ahead of what a restarted one would know.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,8 +84,8 @@ class SessionStores:
         self._folder = folder
         self._tosses = FollowedTosses(folder.store("pose_ingest"))
         self._throws = FollowedRecord(folder.store("throw_designer"), ThrowLogRecord())
-        self._buffer = FollowedRecord(folder.store("curator"), BufferRecord(), in_information_store)
-        self._training = FollowedRecord(folder.store("trainer"), TrainingRecord(), in_toss_store)
+        self._buffer = FollowedRecord(folder.store("curator"), BufferRecord(), InformationStore)
+        self._training = FollowedRecord(folder.store("trainer"), TrainingRecord(), TossStore)
         self._dashboard = ""
 
     def look(self) -> SessionState:
@@ -115,35 +114,17 @@ class SessionStores:
         return self._dashboard
 
 
-def in_state_store(path: Path, key: str) -> bytes | None:
-    """A record of a state store."""
-    with StateStore(path) as store:
-        return store.load(key)
-
-
-def in_toss_store(path: Path, key: str) -> bytes | None:
-    """A record of a toss store."""
-    with TossStore(path) as store:
-        return store.states.load(key)
-
-
-def in_information_store(path: Path, key: str) -> bytes | None:
-    """A record of an information store."""
-    with InformationStore(path) as store:
-        return store.states.load(key)
-
-
 class FollowedRecord[R]:
     """The newest record of a kind in a store that may not be there yet; the same object until it changes.
 
     Args:
         path: of the store.
         default: until there is one.
-        load: reads what a store of this kind has under a key.
+        store: of which kind the store is.
     """
 
-    def __init__(self, path: Path, default: R, load: Callable[[Path, str], bytes | None] = in_state_store) -> None:
-        self._path, self._load = path, load
+    def __init__(self, path: Path, default: R, store: type[StateStore | TossStore | InformationStore] = StateStore) -> None:
+        self._path, self._store = path, store
         self._record, self._data = default, b""
 
     def look(self) -> R:
@@ -153,7 +134,10 @@ class FollowedRecord[R]:
             UnreadableInputError: it is none.
         """
         kind = type(self._record)
-        data = self._load(self._path, kind.KEY) if self._path.exists() else None  # type: ignore[attr-defined]
+        if not self._path.exists():
+            return self._record
+        with self._store(self._path) as store:
+            data = store.states.load(kind.KEY)  # type: ignore[attr-defined]
         if data is not None and data != self._data:
             self._record, self._data = record_of(kind, data, self._path), data
         return self._record

@@ -1,9 +1,9 @@
 """Simulates a tracker: adds white noise, outliers, losses of tracking and a delay to true poses.
 
-The white noise has the size of the real tosses' second differences in the air: 0.022 mm and 0.024 degrees per axis
-(method.md 3; a test compares the two). The other faults are off by default, because only accepted tosses of the real rig are
-public. The noise of a frame depends only on the seed, the throw and the frame's place in it. So the same throw always has the
-same noise, also after the tracker was restarted.
+The white noise has the size of the real tosses' second differences in the air: 0.022 mm and 0.024 degrees per axis (method.md
+3; a test compares the two). The other faults are off by default, because only accepted tosses of ContactNets' rig are public.
+The noise of a frame depends only on the seed, the throw and the frame's place in it. So the same throw always has the same
+noise, also after the tracker was restarted.
 """
 
 from dataclasses import dataclass

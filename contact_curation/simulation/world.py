@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contact_curation.configs import check_positive
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.time_step import STATE_SIZE, checked_states
 from contact_curation.errors import InvalidValueError
@@ -40,10 +41,8 @@ class WorldConfig:
     damping_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("longest_step", "contact_time", "damping_ratio"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                unit = "" if name == "damping_ratio" else " of seconds"
-                raise InvalidValueError(name, getattr(self, name), f"a positive number{unit}")
+        check_positive(self, ("longest_step", "contact_time"), unit="of seconds")
+        check_positive(self, ("damping_ratio",))
 
     @classmethod
     def of_body(cls, body: Body) -> "WorldConfig":

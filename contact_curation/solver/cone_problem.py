@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.configs import check_not_negative, check_positive
 from contact_curation.errors import InvalidValueError
 
 Array = NDArray[np.float64]
@@ -56,12 +57,8 @@ class ConeWeights:
     regularization: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name in ("match", "penetration", "regularization"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"loss.{name}", getattr(self, name), "a positive number")
-        for name in ("complementarity_normal", "complementarity_tangent", "dissipation"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InvalidValueError(f"loss.{name}", getattr(self, name), "a number of at least 0")
+        check_positive(self, ("match", "penetration", "regularization"), "loss.")
+        check_not_negative(self, ("complementarity_normal", "complementarity_tangent", "dissipation"), "loss.")
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ information came last: a training may come back to where it was.
 
 from dataclasses import dataclass, replace
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.accumulated import Accumulated
 from contact_curation.information.curation import Curation, curate
@@ -44,8 +45,7 @@ class CurationConfig:
     def __post_init__(self) -> None:
         if self.selection not in SELECTIONS:
             raise UnknownNameError("selection", self.selection, SELECTIONS)
-        if self.prior_tosses < 1:
-            raise InvalidValueError("prior_tosses", self.prior_tosses, "at least 1 toss")
+        set_whole_numbers(self, ("prior_tosses",), 1)
         if not 0.0 < self.coverage <= 1.0:
             raise InvalidValueError("coverage", self.coverage, "a share in (0, 1]")
 

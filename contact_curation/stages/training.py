@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
@@ -61,9 +62,8 @@ class RoundsConfig:
     checkpoint_steps: int = 200
 
     def __post_init__(self) -> None:
-        for name, least in (("least_tosses", 1), ("settling_rounds", 0), ("slice_steps", 1), ("checkpoint_steps", 1)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(name, getattr(self, name), f"at least {least}")
+        set_whole_numbers(self, ("least_tosses", "slice_steps", "checkpoint_steps"), 1)
+        set_whole_numbers(self, ("settling_rounds",))
 
 
 @dataclass(frozen=True)

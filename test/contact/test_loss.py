@@ -200,7 +200,7 @@ def test_a_weight_must_be_positive(field: str) -> None:
 
 
 def test_iterations_and_threads_are_checked_by_name() -> None:
-    with pytest.raises(InvalidValueError, match=r"^loss\.max_iterations: found 0, expected at least 1$"):
+    with pytest.raises(InvalidValueError, match=r"^loss\.max_iterations: found 0, expected a whole number of at least 1$"):
         LossConfig(max_iterations=0)
-    with pytest.raises(InvalidValueError, match=r"^loss\.threads: found -1, expected at least 0$"):
+    with pytest.raises(InvalidValueError, match=r"^loss\.threads: found -1, expected a whole number of at least 0$"):
         LossConfig(threads=-1)

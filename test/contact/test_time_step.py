@@ -241,7 +241,7 @@ def test_a_quaternion_may_be_off_by_rounding_and_states_are_copied() -> None:
 def test_limits_and_geometry_are_checked_when_made() -> None:
     with pytest.raises(InvalidValueError, match=r"^tolerance: found 0.0, expected a positive number$"):
         SweepLimits(tolerance=0.0)
-    with pytest.raises(InvalidValueError, match=r"^max_sweeps: found 0, expected at least 1$"):
+    with pytest.raises(InvalidValueError, match=r"^max_sweeps: found 0, expected a whole number of at least 1$"):
         SweepLimits(max_sweeps=0)
     with pytest.raises(InvalidValueError, match="normal"):
         ContactGeometry(CUBE.vertices_normal, np.zeros(3), CUBE.vertices_tangent, CUBE.tangents)

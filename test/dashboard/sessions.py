@@ -27,7 +27,7 @@ CONFIG = ScoringConfig()
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """Tosses, and what they teach at a theta near the truth."""
+    """Tosses, and their information at a theta near the truth."""
 
     theta: ShownTheta
     tosses: tuple[Toss, ...]

@@ -1,4 +1,4 @@
-"""What throws are expected to teach: what the scorer says of the same motions, and never by the empirical matrix."""
+"""Predicted information of throws: what the scorer says of the same motions, and never by the empirical matrix."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -19,6 +19,9 @@ FORBIDDEN = {
     r"\bout of sweeps\b": "iteration limit reached",
     r"\b(?:drawn|made|begins?|computed|fitted|predicted) anew\b": "re-drawn, regenerated, starts over, recomputed",
     r"\bless random\b": "difference to random",
+    r"\bteach(?:es|ing)?\b|\btaught\b": "information about, estimated from, learned from",
+    r"\brub(?:s|bed)?\b": "friction acts at",
+    r"\breal rig\b": "ContactNets' rig",
     r"\bcomplaints?\b|\bculprits?\b|\bsaid_of\b": "what it holds",
     r"\bdoor of the\b": "entry point",
 }

@@ -1,6 +1,6 @@
 """What a new user brings along: two objects of one's own, and recordings of their tosses with names of one's own.
 
-MuJoCo throws the objects (`benchmarks.data.thrown_bodies`); a tracker with the real rig's noise sees them at 150 Hz. A
+MuJoCo throws the objects (`benchmarks.data.thrown_bodies`); a tracker with the noise of ContactNets' sees them at 150 Hz. A
 motion capture system would record them so: PoseStamped on a topic of its own, or transforms on /tf, in a frame called
 `mocap`, with the board's place in it on /tf_static.
 """

@@ -88,7 +88,7 @@ def test_rounding_below_zero_is_no_information() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "expected"),
     [
-        ("max_rows", 0, "at least 1"),
+        ("max_rows", 0, "a whole number of at least 1"),
         ("cut", -1e-3, "a number from 0 to below 1"),
         ("cut", 1.0, "a number from 0 to below 1"),
         ("cut", np.nan, "a number from 0 to below 1"),

@@ -82,7 +82,7 @@ def flown_frames(throw: Throw, period_ns: int) -> list[ScalarPose]:
 
 
 def noisy(poses: Sequence[BodyPose], multiple: float, seed: int = 3) -> list[BodyPose]:
-    """The same poses by a tracker `multiple` times as noisy as the real rig's."""
+    """The same poses by a tracker `multiple` times as noisy as that of ContactNets' rig."""
     rig, told = TrackerNoiseConfig(), []
     tracker = TrackerNoise(TrackerNoiseConfig(multiple * rig.position, multiple * rig.turn), seed)
     for one in poses:

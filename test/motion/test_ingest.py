@@ -115,7 +115,7 @@ def test_a_motion_that_noise_began_before_it_was_known_is_looked_at_again() -> N
 
 
 def test_what_a_tracker_with_faults_does_never_widens_the_bounds() -> None:
-    """Bursts of 5 mm, drift and outliers: bounds stay those of the real rig, and the toss is rejected."""
+    """Bursts of 5 mm, drift and outliers: bounds stay those for ContactNets' rig, and the toss is rejected."""
     clean, rng = noisy(held_and_dropped(148), 1.0), np.random.default_rng(0)
     offsets = {
         "bursts": 0.005 * (rng.random(len(clean)) < 0.02).repeat(5)[: len(clean)],

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
@@ -57,6 +58,11 @@ def ranking(tosses: cc.Tosses) -> cc.RankedTosses:
 @pytest.fixture(scope="module")
 def model(ranking: cc.RankedTosses) -> cc.LearnedModel:
     return cc.train(ranking.selected, steps=SHORT)
+
+
+@pytest.fixture(scope="module")
+def deep(ranking: cc.RankedTosses) -> cc.LearnedModel:
+    return cc.train(ranking.selected, "deep", steps=1)
 
 
 @pytest.fixture
@@ -299,6 +305,45 @@ def test_a_body_and_a_model_may_be_their_files(bench: Path, tosses: cc.Tosses, m
     assert cc.design(throws=1, method="prior", body="own.yaml").body.first_difference(tosses.body) == ""
 
 
+def test_settings_have_the_names_that_the_command_takes(cli: Cli, golden_bag: Path, body: cc.Body) -> None:
+    settings = {"gates.rest_tilt": 4e-4, "rig.scale": 1.01, "rig.normal": [0.0, 0.0, 1.0]}
+    words = [f"--set={name}={str(value).strip('[]').replace(' ', '')}" for name, value in settings.items()]
+    done = cli("rank", golden_bag, *words, "--json")
+    found = cc.read(golden_bag, body, config=settings)
+    assert len(found.rejected) > 3
+    assert json.loads(json.dumps(cc.rank(found).document()["tosses"])) == json.loads(done.out)["tosses"]
+
+
+def test_a_training_goes_on_from_a_model_in_memory_as_from_its_file(
+    ranking: cc.RankedTosses, model: cc.LearnedModel, tmp_path: Path
+) -> None:
+    before = model.model.tensors()
+    model.save(tmp_path / "start.safetensors")
+    from_memory = cc.train(ranking.selected, steps=2, start=model)
+    from_file = cc.train(ranking.selected, steps=2, start=tmp_path / "start.safetensors")
+    for name, values in from_memory.model.tensors().items():
+        np.testing.assert_array_equal(values, from_file.model.tensors()[name])
+        np.testing.assert_array_equal(before[name], model.model.tensors()[name])  # left as it is
+    with pytest.raises(InvalidValueError, match=r"^start: found 3, expected a model, or the path of its file$"):
+        ANY.train(ranking.selected, start=3)
+
+
+def test_the_number_of_threads_of_torch_is_the_callers_again(ranking: cc.RankedTosses, deep: cc.LearnedModel) -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(3)
+    try:
+        model = cc.train(ranking.selected, steps=1)
+        assert torch.get_num_threads() == 3
+        cc.evaluate(model, ranking.selected, held_out="none")
+        assert torch.get_num_threads() == 3
+        cc.score(ranking.selected, model=deep)
+        assert torch.get_num_threads() == 3
+        cc.rank(ranking.selected, model=deep)
+        assert torch.get_num_threads() == 3
+    finally:
+        torch.set_num_threads(before)
+
+
 def test_a_body_that_contradicts_the_tosses_or_the_model_is_refused(
     golden_bag: Path, tosses: cc.Tosses, body: cc.Body, model: cc.LearnedModel
 ) -> None:
@@ -408,6 +453,26 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
         *(lambda tosses, count=count: ANY.design(throws=count) for count in (0, 1.5, "2")),
         lambda tosses: ANY.design(seed=-1),
         lambda tosses: ANY.design(known="session.mcap"),
+        *(lambda tosses, some=some: ANY.rank(some(tosses)) for some in (lambda _: None, lambda given: given.accepted)),
+        lambda tosses: ANY.score(ANY.rank(tosses)),
+        lambda tosses: ANY.train(list(tosses.accepted)),
+        lambda tosses: ANY.read(5),
+        lambda tosses: ANY.read("session.mcap", config=[]),
+        *(
+            lambda tosses, path=path, value=value: ANY.read("session.mcap", config={path: value})
+            for path, value in (
+                ("gates.dpth", 0.01),
+                ("gates.depth", -1.0),
+                ("gates.depth", "deep"),
+                ("rig.normal", "up"),
+                (5, 1),
+            )
+        ),
+        lambda tosses: ANY.rank(tosses, device=None),
+        lambda tosses: ANY.rank("session.mcap", index=5),
+        lambda tosses: ANY.train(tosses, shape_known_to="1 mm"),
+        lambda tosses: ANY.train(tosses, restitution="no"),
+        lambda tosses: ANY.design(arm="no"),
         lambda tosses: tosses.only(["cube-0"]),
         lambda tosses: ANY.load_model("none.safetensors"),
         lambda tosses: ANY.Body.from_file("none.yaml"),

@@ -118,7 +118,7 @@ def test_a_curation_says_how_good_its_set_is_proven_to_be(
 
 
 def duplicates_of(pool: Pool) -> list[tuple[str, str]]:
-    """Pairs that are one recording under two headings of the board: what they teach of the cube is the same."""
+    """Pairs that are one recording under two headings of the board: their information about the cube is the same."""
     of_cube = {info.toss_id: info.block_traces[[block.name != "tilt" for block in info.blocks]] for info in pool.infos}
     order = sorted(of_cube, key=lambda toss_id: of_cube[toss_id].sum())
     return [(one, other) for one, other in pairwise(order) if np.allclose(of_cube[one], of_cube[other], rtol=1e-9, atol=0.0)]

@@ -36,7 +36,7 @@ def states(tmp_path: Path) -> Iterator[StateStore]:
 
 
 def information(throw: Throw, stamp_ns: int, theta: Particle = PARTICLE) -> tuple[TossInformation, int]:
-    """What the throw's toss teaches, and its last stamp, where it was released at `stamp_ns`."""
+    """The information of the throw's toss, and its last stamp, where it was released at `stamp_ns`."""
     toss = thrown_toss(CUBE, throw, first_stamp_ns=stamp_ns)
     found = theta.scorer.score([toss])[0]
     assert isinstance(found, TossInformation)

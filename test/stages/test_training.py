@@ -324,7 +324,7 @@ def test_a_checkpoint_that_no_trainer_wrote_is_refused_in_one_line(tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["least_tosses", "slice_steps", "checkpoint_steps"])
 def test_rounds_cannot_be_cut_into_nothing(name: str) -> None:
-    with pytest.raises(InvalidValueError, match=f"{name}: found 0, expected at least 1"):
+    with pytest.raises(InvalidValueError, match=f"{name}: found 0, expected a whole number of at least 1"):
         RoundsConfig(**{name: 0})
 
 

@@ -16,7 +16,7 @@ from contact_curation.pipeline.reading import center_of_mass_option
 
 BODY_HELP = (
     "the object: a YAML file like contact_curation/config/cube.yaml, a URDF, an MJCF, or a mesh (STL, OBJ, PLY, OFF) "
-    "(default: the one of a checkpoint or manifest that is given, else ContactNets' cube)"
+    "(default: that of a checkpoint, a manifest or a file of throws, where the verb is given one, else ContactNets' cube)"
 )
 DETAILS = ("mass", "density", "friction", "length_scale", "mesh_scale", "link", "body_name", "center_of_mass")
 

@@ -11,12 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.geometry import quaternions
+from contact_curation.geometry.polytopes import SAME_PLANE
 from contact_curation.geometry.quaternions import Array
 
 Strips = NDArray[np.float32]
-
-SAME_PLANE = 1e-6
-"""Two faces whose unit normals differ by less are one."""
 
 
 @dataclass(frozen=True, eq=False)

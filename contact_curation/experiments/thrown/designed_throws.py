@@ -1,8 +1,8 @@
 """The paper's third figure: what is learned from designed throws and from random ones, throw by throw (method.md 1.10, 5).
 
-The simulated arm throws the body as described, a tracker with the real rig's noise looks on, and its poses become tosses by the
-same rules and gates as anywhere. A learner that began at random learns from all tosses so far. After some throws it is judged
-by real tosses, which nobody threw here, and by random throws in the world that its tosses come from.
+The simulated arm throws the body as described, a tracker with the noise of ContactNets' looks on, and its poses become tosses
+by the same rules and gates as anywhere. A learner that began at random learns from all tosses so far. After some throws it is
+judged by real tosses, which nobody threw here, and by random throws in the world that its tosses come from.
 """
 
 from collections.abc import Sequence

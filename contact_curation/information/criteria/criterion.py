@@ -9,9 +9,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import NamedTuple
 
-import numpy as np
-
-from contact_curation.configs import set_whole_numbers
+from contact_curation.configs import check_positive, set_whole_numbers
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.information.pool import Pool
 from contact_curation.information.ranking import Selection
@@ -61,8 +59,7 @@ class RankingConfig:
                 raise UnknownNameError(f"ranking.{name}", getattr(self, name), accepted)
         set_whole_numbers(self, ("top",), 1, MOST_SELECTED, "ranking.")
         set_whole_numbers(self, ("seed", "certificate_steps"), prefix="ranking.")
-        if not (np.isfinite(self.prior) and self.prior > 0.0):
-            raise InvalidValueError("ranking.prior", self.prior, "a positive number")
+        check_positive(self, ("prior",), "ranking.")
         if not 0.0 < self.cut < 1.0:
             raise InvalidValueError("ranking.cut", self.cut, "a number between 0 and 1")
 

@@ -4,8 +4,8 @@ Of a set S, in coordinates where the pool's mean toss is the identity and in uni
 
     |d_S - d|^2 + c tr A_S^-1,      d_S = A_S^-1 sum_S s,  A_S = A0 + sum_S F,  d likewise over the pool
 
-F Fisher matrices, s scores (see `optimum_shift`). The first term is what the pool's loss per toss is above its lowest at what S
-teaches; the second is what it would be in the mean if the scores of S were noise.
+F Fisher matrices, s scores (see `optimum_shift`). The first term is the excess of the pool's loss per toss at the
+estimate from S over its minimum; the second is its mean if the scores of S were noise.
 
 One toss more, of factor Z and score s, changes A^-1 by Sherman, Morrison and Woodbury: `joined`. Most tosses need not be looked
 at so closely, for a lower bound costs a tenth of it (`bounds`). With A' = A + F and r = sum s - A' d the first term is

@@ -1,12 +1,12 @@
 """representative: the set whose parameter estimate is nearest to the estimate from the whole pool.
 
-Selected is the set of which `expected_error` is small: what the pool's loss is expected to be above its lowest at what the set
-teaches. Where theta is far off the scores are as good as noise and the set is chosen for what it knows (A-optimality); near the
-optimum they are known, and the set is chosen so that they cancel as the pool's do.
+The set minimises `expected_error`: by how much the pool's loss at the set's estimate is expected to exceed its minimum. Where
+theta is far off, scores are as good as noise, and the set is selected for its information (A-optimality). Near the optimum they
+are known, and the set is selected so that its scores cancel, as those of the pool do.
 
-Why not for what it knows alone: how much a toss knows goes with how it came out. A toss in which the body happened to slide
-easily lasts longer and knows more, so that the most informative tosses, and the longest ones, agree on too low a friction
-(docs/rule.md). Here they are balanced by tosses that pull the other way.
+Information alone would be biased, because it depends on the outcome of a toss: one in which the body happened to slide easily
+lasts longer and contains more information. So the most informative tosses, and the longest ones, underestimate friction
+(docs/rule.md). Here they are balanced by tosses that move the estimate in the other direction.
 """
 
 from collections.abc import Mapping, Sequence

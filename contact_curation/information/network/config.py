@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.contact.models.defaults import ModelDefaults
 from contact_curation.contact.models.registry import model_class, model_entry
 from contact_curation.errors import InvalidValueError
@@ -23,9 +24,7 @@ class SketchConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("leading", "random", "seed"):
-            if getattr(self, name) < 0:
-                raise InvalidValueError(f"sketch.{name}", getattr(self, name), "a number of at least 0")
+        set_whole_numbers(self, ("leading", "random", "seed"), prefix="sketch.")
         if self.size < 1:
             raise InvalidValueError("sketch", "no rows", "at least 1 row, leading or random")
 
@@ -59,7 +58,7 @@ class Device:
     memory_mb: int | None = None
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"cpu|cuda(:\d+)?", self.name):
+        if not re.fullmatch(r"cpu|cuda(:\d+)?", str(self.name)):
             raise InvalidValueError("device", self.name, "cpu, cuda or cuda:N")
         if self.memory_mb is not None and self.memory_mb < 0:
             raise InvalidValueError("device memory", self.memory_mb, "at least 0 MB")
@@ -105,9 +104,8 @@ class NetworkConfig:
     physical_only: bool = False
 
     def __post_init__(self) -> None:
-        for name, least in (("draws", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise InvalidValueError(f"network.{name}", getattr(self, name), f"at least {least}")
+        set_whole_numbers(self, ("draws",), 1, prefix="network.")
+        set_whole_numbers(self, ("seed",), prefix="network.")
 
 
 def network_config_for(model: str) -> NetworkConfig:

@@ -114,7 +114,8 @@ def sliding_in_words(found: Sliding | None, friction: float, interval: float) ->
         return ""
     return (
         f"bodies that slide slow down by a friction of {found.median:.3f} (median of {len(found.friction)} tosses), the "
-        f"model's is {friction:.3f}: impacts, which rule a fit, rub otherwise, or contacts give way; the interval holds both"
+        f"model's is {friction:.3f}: impacts decide a fit, and their friction is another one, or contacts are soft; the "
+        "interval contains both"
     )
 
 

@@ -15,7 +15,6 @@ the protocol holds the height, where a model learns one, near zero by w h^2, lik
 part of the likelihood and enters no score (method.md A4).
 """
 
-import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
@@ -24,6 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from contact_curation.configs import check_not_negative, check_positive
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.errors import InvalidValueError
@@ -58,10 +58,8 @@ class InfluenceBound:
     def __post_init__(self) -> None:
         if not 0.0 < self.quantile <= 1.0:
             raise InvalidValueError("influence.quantile", self.quantile, "a number over 0, up to 1")
-        if not (math.isfinite(self.multiple) and self.multiple > 0.0):
-            raise InvalidValueError("influence.multiple", self.multiple, "a positive number")
-        if not (math.isfinite(self.least) and self.least >= 0.0):
-            raise InvalidValueError("influence.least", self.least, "a number of at least 0")
+        check_positive(self, ("multiple",), "influence.")
+        check_not_negative(self, ("least",), "influence.")
 
     @property
     def bounds(self) -> bool:

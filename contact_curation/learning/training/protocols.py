@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
-from contact_curation.configs import set_whole_numbers
+from contact_curation.configs import check_not_negative, check_positive, set_whole_numbers
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.models.defaults import ModelDefaults
@@ -49,10 +49,8 @@ class AdamWConfig:
     weight_decay: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.learning_rate) and self.learning_rate > 0.0):
-            raise InvalidValueError("learning_rate", self.learning_rate, "a positive number")
-        if not (math.isfinite(self.weight_decay) and self.weight_decay >= 0.0):
-            raise InvalidValueError("weight_decay", self.weight_decay, "a number of at least 0")
+        check_positive(self, ("learning_rate",))
+        check_not_negative(self, ("weight_decay",))
 
 
 @dataclass(frozen=True)
@@ -130,16 +128,13 @@ class TrainingConfig:
             raise InvalidValueError("steps and epochs", "neither", "a limit on one of them")
         if self.schedule is Schedule.COSINE and self.steps is None:
             raise InvalidValueError("steps", "none", "a number of them, along which the cosine falls")
-        for name in ("regularizer", "ground"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InvalidValueError(name, getattr(self, name), "a number of at least 0")
+        check_not_negative(self, ("regularizer", "ground"))
         if not 0.0 <= self.trimmed < 1.0:
             raise InvalidValueError("trimmed", self.trimmed, "a share from 0 on, less than 1")
         if self.restitution and not (self.exact and self.form is Form.RIGID):
             raise InvalidValueError("restitution", "true", "false, or the exact protocol in the form rigid")
         if self.shape_known_to is not None:
-            if not (math.isfinite(self.shape_known_to) and self.shape_known_to > 0.0):
-                raise InvalidValueError("shape_known_to", self.shape_known_to, "a positive number of metres")
+            check_positive(self, ("shape_known_to",), unit="of metres")
             if not self.exact:
                 raise InvalidValueError("shape_known_to", self.shape_known_to, "none, or the exact protocol")
 

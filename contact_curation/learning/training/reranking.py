@@ -15,6 +15,7 @@ from hashlib import sha256
 
 import numpy as np
 
+from contact_curation.configs import set_whole_numbers
 from contact_curation.contact.models.model import Model
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.pool import pool_of
@@ -57,10 +58,8 @@ class StalenessConfig:
     steps: int = 50
 
     def __post_init__(self) -> None:
-        if self.tosses < 2:
-            raise InvalidValueError("staleness.tosses", self.tosses, "at least 2")
-        if self.steps < 1:
-            raise InvalidValueError("staleness.steps", self.steps, "at least 1")
+        set_whole_numbers(self, ("tosses",), 2, prefix="staleness.")
+        set_whole_numbers(self, ("steps",), 1, prefix="staleness.")
         if not -1.0 <= self.spearman <= 1.0:
             raise InvalidValueError("staleness.spearman", self.spearman, "a number from -1 to 1")
         if not 0.0 <= self.overlap <= 1.0:

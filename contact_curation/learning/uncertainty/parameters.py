@@ -34,6 +34,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contact_curation.configs import check_positive
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import INITIAL_NOISE, RESTITUTION_SPREAD
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
@@ -68,9 +69,7 @@ class KnownConfig:
     height: float = INITIAL_NOISE
 
     def __post_init__(self) -> None:
-        for name in ("vertices", "friction", "tilt", "height"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"known.{name}", getattr(self, name), "a positive number")
+        check_positive(self, ("vertices", "friction", "tilt", "height"), "known.")
 
     def with_shape(self, shape: float | None) -> "KnownConfig":
         """The same, where a training knew the vertices better than that [characteristic lengths]; None where it did not."""

@@ -19,6 +19,7 @@ from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.survey.falls import Flight, Survey
 from contact_curation.motion.survey.rig import Estimate
 from contact_curation.motion.survey.series import PoseSeries
+from contact_curation.motion.survey.sliding import NORMAL_95
 
 FEWEST_FLIGHTS = 8
 """From which anything is estimated."""
@@ -34,9 +35,6 @@ ROUNDS = 3
 
 SEEN = 1e-9
 """Share of the largest eigenvalue: along smaller ones nothing is seen, as along the axis of a motion in a plane."""
-
-NORMAL_95 = 1.96
-"""Standard errors of a 95 % interval, on either side."""
 
 CERTAIN = 16.3
 """The 99.9 % quantile of chi-squared with 3 degrees of freedom: a smaller squared deviation from 0 may be chance."""

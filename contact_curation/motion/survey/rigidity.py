@@ -14,11 +14,8 @@ import numpy as np
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.survey.falls import Flight, Survey
-from contact_curation.motion.survey.mass_centre import FEWEST_FRAMES, fall_of, least_squares, residuals_of
+from contact_curation.motion.survey.mass_centre import FEWEST_FLIGHTS, FEWEST_FRAMES, fall_of, least_squares, residuals_of
 from contact_curation.motion.survey.series import PoseSeries
-
-FEWEST_FLIGHTS = 8
-"""From which anything is said."""
 
 EDGES = 0.013
 """[s] At either end of a flight, in which a hand may have held the body, or a contact begun; two frames at least."""

@@ -16,6 +16,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import calibrated_poses
 from contact_curation.motion.survey.falls import Survey
 from contact_curation.motion.survey.rig import Estimate, RigEstimate
+from contact_curation.motion.survey.sliding import NORMAL_95
 
 FEWEST_THROWS = 6
 
@@ -52,7 +53,7 @@ def size_ratio(survey: Survey, polytope: Polytope, found: RigEstimate) -> Estima
         return None
     value = densest(np.sort(ratios))
     spread = 1.4826 * float(np.median(np.abs(np.array(ratios) - value))) / np.sqrt(len(ratios))
-    half = 1.96 * float(np.hypot(1.25 * spread, SMALLEST_ERROR))  # 1.25: of a median
+    half = NORMAL_95 * float(np.hypot(1.25 * spread, SMALLEST_ERROR))  # 1.25: of a median
     return Estimate(value, value - half, value + half)
 
 

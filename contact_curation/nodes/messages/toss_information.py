@@ -5,12 +5,17 @@ from typing import Any
 
 import numpy as np
 from contact_curation_msgs.msg import TossInformation as TossInformationMessage
+from contact_curation_msgs.srv import GetInformation
 from geometry_msgs.msg import Point
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.record import ParameterBlock, TossInformation
 from contact_curation.nodes.messages.bounds import LARGEST_INFORMATION, MOST_NUMBERS, check_numbers, check_size
 from contact_curation.nodes.messages.headers import Stamped, check_format, header_message
+from contact_curation.nodes.ros.catch_up import Source
+
+INFORMATION = Source(TossInformationMessage, "toss_information", GetInformation, "get_information", "information", page=64)
+"""What nodes that need the information of all tosses follow."""
 
 
 def information_message(information: TossInformation, sequence: int, stamped: Stamped) -> TossInformationMessage:

@@ -38,6 +38,9 @@ RECENT = 1024
 RESULTS_DEPTH = 256
 """Number of results that a late subscriber receives from the topic; services give all of them."""
 
+TRUTH_DEPTH = 2000
+"""Depth of `ground_truth`: how many frames a subscriber may lag behind."""
+
 
 def latched(depth: int) -> QoSProfile:
     """A reliable and transient local profile: late subscribers receive the last `depth` messages."""

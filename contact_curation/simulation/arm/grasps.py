@@ -7,13 +7,11 @@ from scipy.spatial import ConvexHull
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.polytopes import SAME_PLANE
 from contact_curation.geometry.quaternions import Array
 
 PAD_RADIUS = 0.015
 """Radius of the pad's sealing lip [m]."""
-
-SAME_PLANE = 1e-6
-"""Facets whose planes differ by at most this are one face."""
 
 
 @dataclass(frozen=True, eq=False)

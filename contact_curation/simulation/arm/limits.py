@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.configs import check_positive
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 
@@ -143,9 +144,7 @@ class ReflexConfig:
     time: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("share", "time"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"reflex.{name}", getattr(self, name), "a positive number")
+        check_positive(self, ("share", "time"), "reflex.")
 
 
 class CollisionReflex:

@@ -18,6 +18,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from contact_curation.configs import check_not_negative, check_positive
 from contact_curation.contact.body import Body
 from contact_curation.contact.body_values import STANDARD_GRAVITY
 from contact_curation.errors import InvalidValueError
@@ -147,11 +148,8 @@ class ArmConfig:
         home = np.asarray(self.home, dtype=float)
         if home.shape != (JOINTS,) or not ((FR3_LIMITS.lowest <= home) & (home <= FR3_LIMITS.highest)).all():
             raise InvalidValueError("arm.home", self.home, "7 positions within the joints' limits [rad]")
-        if not (np.isfinite(self.table_half_width) and self.table_half_width > 0.0):
-            raise InvalidValueError("arm.table_half_width", self.table_half_width, "a positive number")
-        for name in ("clearance", "friction"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InvalidValueError(f"arm.{name}", getattr(self, name), "a number of at least 0")
+        check_positive(self, ("table_half_width",), "arm.")
+        check_not_negative(self, ("clearance", "friction"), "arm.")
         if not 0.0 < self.margin <= 1.0:
             raise InvalidValueError("arm.margin", self.margin, "a share in (0, 1]")
 

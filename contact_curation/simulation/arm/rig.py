@@ -1,6 +1,6 @@
 """Throws and their tosses in one process: the simulated arm throws, a simulated tracker measures poses, which become tosses.
 
-The tracker has the noise of the real rig, and the poses pass the segmenter and the quality checks of `pose_ingest`.
+The tracker has the noise of ContactNets', and the poses pass the segmenter and the quality checks of `pose_ingest`.
 """
 
 from collections.abc import Sequence

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.configs import check_not_negative, check_positive
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
@@ -44,12 +45,9 @@ class GateConfig:
     heartbeat_timeout: float = 0.4
 
     def __post_init__(self) -> None:
-        for name in ("largest_speed", "largest_spin", "lowest_release", "highest_release", "workspace", "heartbeat_timeout"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"gate.{name}", getattr(self, name), "a positive number")
-        for name in ("keep_out_radius", "least_pause"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InvalidValueError(f"gate.{name}", getattr(self, name), "a number of at least 0")
+        positive = ("largest_speed", "largest_spin", "lowest_release", "highest_release", "workspace", "heartbeat_timeout")
+        check_positive(self, positive, "gate.")
+        check_not_negative(self, ("keep_out_radius", "least_pause"), "gate.")
         if self.lowest_release >= self.highest_release:
             raise InvalidValueError("gate.lowest_release", self.lowest_release, f"less than {self.highest_release}")
         if np.shape(self.keep_out_place) != (2,) or not np.isfinite(self.keep_out_place).all():

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from contact_curation.configs import check_positive
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.simulation.arm.limits import JointLimits
@@ -39,9 +40,7 @@ class SteadyConfig:
     longest: float = 1.5
 
     def __post_init__(self) -> None:
-        for name in ("window", "longest"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"steady.{name}", getattr(self, name), "a positive number")
+        check_positive(self, ("window", "longest"), "steady.")
         if not 0.0 < self.share <= 1.0:
             raise InvalidValueError("steady.share", self.share, "a share in (0, 1]")
 

@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
+from contact_curation.configs import check_positive, set_whole_numbers
 from contact_curation.errors import InvalidValueError
 
 
@@ -46,11 +45,10 @@ class TrajectoryConfig:
     controller_state: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("lead", "stop_lead", "oldest_state", "oldest_signal", "tracking_error", "largest_lag", "at_home",
-                     "patience", "grip_error", "grip_turn", "grip_patience"):  # fmt: skip
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InvalidValueError(f"trajectory.{name}", getattr(self, name), "a positive number")
+        check_positive(self, (
+            "lead", "stop_lead", "oldest_state", "oldest_signal", "tracking_error", "largest_lag", "at_home", "patience",
+            "grip_error", "grip_turn", "grip_patience",
+        ), "trajectory.")  # fmt: skip
         if not 0.0 <= self.lag <= self.largest_lag:
             raise InvalidValueError("trajectory.lag", self.lag, f"between 0 and {self.largest_lag:g} s")
-        if self.learning < 0:
-            raise InvalidValueError("trajectory.learning", self.learning, "0 or more")
+        set_whole_numbers(self, ("learning",), prefix="trajectory.")

@@ -338,7 +338,7 @@ class BagTosses:
 
     @property
     def noise_done(self) -> str:
-        """One line that says how the bounds follow the measured noise; empty if they are those of the real rig."""
+        """One line that says how the bounds follow the measured noise; empty if they are those for ContactNets' rig."""
         return self._ingest.noise_done
 
     @property

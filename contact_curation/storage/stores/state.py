@@ -61,3 +61,8 @@ class StateStore(Store, States):
     def __init__(self, path: Path) -> None:
         Store.__init__(self, path, SCHEMA)
         States.__init__(self, self._store)
+
+    @property
+    def states(self) -> States:
+        """Itself, as other stores have their states."""
+        return self

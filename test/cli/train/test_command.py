@@ -115,7 +115,7 @@ def test_a_polytope_that_is_given_is_where_it_starts(cli: Cli, folder: Path, tmp
     options = ("--params", tmp_path / "a.safetensors", *SHORT, "--json")
     second = cli("train", folder, *options, "--out", tmp_path / "b.safetensors").json
     assert second["held_out_loss_before"] == pytest.approx(first["held_out_loss_after"], rel=1e-9)
-    for model, line in (("deep", "expected deep, as --model says"), ("polytope", "")):
+    for model, line in (("deep", "expected deep, which is to be trained"), ("polytope", "")):
         done = cli("train", folder, *options, "--model", model, "--out", tmp_path / f"{model}.safetensors")
         assert line in done.err
     refused = cli("train", folder, "--params", true_parameters, "--model", "deep", "--out", tmp_path / "c.safetensors")

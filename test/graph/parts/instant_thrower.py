@@ -1,4 +1,4 @@
-"""A thrower for tests: it makes every throw at once, by rolling the body out, and tells what its toss teaches."""
+"""A thrower for tests: it makes every throw at once, by rolling the body out, and reports the information of its toss."""
 
 import threading
 import time

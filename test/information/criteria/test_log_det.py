@@ -1,4 +1,4 @@
-"""Lazy greedy is greedy; copies teach little; the certificate never claims too much (method.md checks 9 and 10)."""
+"""Lazy greedy is greedy; copies add little information; the certificate never claims too much (method.md checks 9 and 10)."""
 
 from collections.abc import Sequence
 

@@ -106,12 +106,12 @@ def test_the_reference_is_about_the_body_near_the_board() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: SketchConfig(leading=-1), "sketch.leading: found -1, expected a number of at least 0"),
-        (lambda: SketchConfig(random=-1), "sketch.random: found -1, expected a number of at least 0"),
-        (lambda: SketchConfig(seed=-1), "sketch.seed: found -1, expected a number of at least 0"),
+        (lambda: SketchConfig(leading=-1), "sketch.leading: found -1, expected a whole number of at least 0"),
+        (lambda: SketchConfig(random=-1), "sketch.random: found -1, expected a whole number of at least 0"),
+        (lambda: SketchConfig(seed=-1), "sketch.seed: found -1, expected a whole number of at least 0"),
         (lambda: SketchConfig(leading=0, random=0), "sketch: found no rows, expected at least 1 row, leading or random"),
-        (lambda: NetworkConfig(draws=0), "network.draws: found 0, expected at least 1"),
-        (lambda: NetworkConfig(seed=-1), "network.seed: found -1, expected at least 0"),
+        (lambda: NetworkConfig(draws=0), "network.draws: found 0, expected a whole number of at least 1"),
+        (lambda: NetworkConfig(seed=-1), "network.seed: found -1, expected a whole number of at least 0"),
     ],
 )
 def test_sizes_that_make_no_sense_are_refused(make: Callable[[], object], message: str) -> None:

@@ -35,7 +35,7 @@ def carried(seconds: float, rate: int = 148) -> list[BodyPose]:
 
 
 def noisy(poses: Sequence[BodyPose], multiple: float, turn: float | None = None) -> list[BodyPose]:
-    """With white noise of so many times the real rig's, of orientations `turn` times if given."""
+    """With white noise of so many times that of ContactNets' rig, of orientations `turn` times if given."""
     rng, turns = np.random.default_rng(3), (multiple if turn is None else turn) * RIG_TURN
     places = np.array([one.pose.position for one in poses]) + multiple * RIG_NOISE * rng.standard_normal((len(poses), 3))
     about = quaternions.exp(turns * rng.standard_normal((len(poses), 3)))

@@ -474,4 +474,4 @@ def test_bounds_follow_the_noise_of_a_recording_and_a_line_says_since_when(tmp_p
     assert kinds(items)[-2:] == ["Toss", "Toss"] or kinds(items)[1:3] == ["Toss", "Toss"], kinds(items)
     (line,) = (line for line in lines(items) if "scatter" in line)
     assert "found positions that scatter by 0.1" in line
-    assert "s after the first pose on there are bounds for" in line
+    assert "s after the first pose on the bounds of segmenting and quality checks are those for" in line

@@ -84,7 +84,7 @@ def noise(evidence: Evidence) -> Finding | None:
     if evidence.fall is None or not evidence.fall.sound:
         return None
     taken = max(one.tracker.position for one in evidence.recordings)
-    bounds = f", so bounds are taken for {taken:.2g} times the real rig's" if taken > 1.0 else ""
+    bounds = f", so bounds are those for {taken:.2g} times the noise of ContactNets' rig" if taken > 1.0 else ""
     return _fact(f"tracking noise: {round(1e3 * evidence.survey.noise, 6):.2g} mm from frame to frame{bounds}")
 
 
