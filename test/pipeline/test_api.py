@@ -109,7 +109,7 @@ def test_every_name_has_a_home_and_a_documentation() -> None:
 def test_the_examples_in_the_documentation_run(
     bench: Path, body: cc.Body, tosses: cc.Tosses, ranking: cc.RankedTosses, model: cc.LearnedModel
 ) -> None:
-    given = {"cc": cc, "body": body, "tosses": tosses, "ranking": ranking, "model": model}
+    given = {"cc": cc, "np": np, "body": body, "tosses": tosses, "ranking": ranking, "model": model}
     runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
     finder = doctest.DocTestFinder(recurse=False)
     names = sorted((name for name in cc.__all__ if name.islower()), key=lambda name: name != "train")  # it saves a model

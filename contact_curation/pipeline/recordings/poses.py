@@ -45,9 +45,11 @@ def write_poses(
             file that must not be replaced or cannot be written.
 
     Examples:
-        >>> cc.write_poses("session.mcap", times, positions, orientations_wxyz, body)
-        9143
-        >>> print(cc.check("session.mcap", body))
+        >>> times = np.arange(500) / 100.0
+        >>> positions = np.tile([0.0, 0.0, 0.0524], (500, 1))  # lies still
+        >>> orientations_wxyz = np.tile([1.0, 0.0, 0.0, 0.0], (500, 1))
+        >>> cc.write_poses("lying.mcap", times, positions, orientations_wxyz, body)
+        500
     """
     stamps, places, turns = (np.asarray(values, dtype=float) for values in (times, positions, orientations_wxyz))
     count = stamps.size
