@@ -17,7 +17,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.nodes import curator, fisher_scorer, throw_designer, trainer
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message, throw_of
-from contact_curation.nodes.messages.toss_information import information_message, information_of
+from contact_curation.nodes.messages.toss_information import INFORMATION, information_message, information_of
 from contact_curation.nodes.ros.qos import RESULTS_DEPTH, latched
 from contact_curation.nodes.throw_goals import Outcome
 from contact_curation.stages import curation, design, held_out_tosses, scoring, training
@@ -220,7 +220,7 @@ def in_one_process() -> Iterator[None]:
             "information_message": _information_message,
             "toss_of": lambda message: message.toss,
         },
-        curator: {"INFORMATION": replace(curator.INFORMATION, page=2), "information_of": _information_of},
+        curator: {"INFORMATION": replace(INFORMATION, page=2), "information_of": _information_of},
         trainer: {
             "declared_protocol": lambda node, _: numbers.Script(node._process.parameters["exact"]),
             "declared_first_model": lambda *_: lambda _: numbers.ThetaModel(0),
@@ -229,7 +229,7 @@ def in_one_process() -> Iterator[None]:
             "model_version": lambda model: numbers.version(model.number),
         },
         throw_designer: {
-            "INFORMATION": replace(throw_designer.INFORMATION, page=2),
+            "INFORMATION": replace(INFORMATION, page=2),
             "information_of": _information_of,
             "declared_design": lambda _: None,
             "declared_thrower": lambda *_: None,
