@@ -65,7 +65,8 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    imported = import_module(f"{__name__}.extras").says_what_to_install(import_module)
+    value = getattr(imported(f"{__name__}.{_HOMES[name]}"), name)
     globals()[name] = value  # so that it is looked for once
     return value
 

@@ -6,6 +6,7 @@ A cell and the tosses determine its row to the last digit, so that an experiment
 import json
 from dataclasses import asdict, dataclass
 from enum import StrEnum
+from typing import ClassVar
 
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS, model_class
 from contact_curation.contact.parameter_form import Form
@@ -27,12 +28,18 @@ class Protocol(StrEnum):
 
 @dataclass(frozen=True)
 class Planned:
-    """What an experiment is to run, of which the ledger tells whether it was."""
+    """What an experiment is to run, of which the ledger tells whether it was.
+
+    Attributes:
+        KIND: stands in its key, to tell it from others with the same fields; empty for none.
+    """
+
+    KIND: ClassVar[str] = ""
 
     @property
     def key(self) -> str:
         """The same for equal ones only."""
-        return json.dumps(asdict(self), sort_keys=True)
+        return json.dumps({self.KIND: asdict(self)} if self.KIND else asdict(self), sort_keys=True)
 
     @property
     def fields(self) -> dict[str, float | str]:

@@ -1,11 +1,11 @@
 """Predicted against actual error of the parameters, over bootstrap resamples of the tosses (method.md 2.8, check 6.16)."""
 
-import json
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.fits.held_fit import fit_held
@@ -22,7 +22,7 @@ LOW, HIGH = 0.7, 1.4
 
 
 @dataclass(frozen=True)
-class CalibrationCell:
+class CalibrationCell(Planned):
     """One fit, and its resamples.
 
     Attributes:
@@ -31,14 +31,11 @@ class CalibrationCell:
         resamples: at least 2.
     """
 
+    KIND = "calibration"
+
     size: int
     seed: int
     resamples: int
-
-    @property
-    def key(self) -> str:
-        """The same for equal cells only."""
-        return json.dumps({"calibration": asdict(self)}, sort_keys=True)
 
     @property
     def fields(self) -> Row:

@@ -1,7 +1,7 @@
 """The run of an experiment: tosses in, finished cells into the ledger one by one, tables and a figure out."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from hashlib import sha256
@@ -28,7 +28,7 @@ from contact_curation.experiments.catalogue import (
     quick,
     rows_of_cell,
 )
-from contact_curation.experiments.cell import Protocol
+from contact_curation.experiments.cell import Planned, Protocol
 from contact_curation.experiments.cell_run import Bench, Row
 from contact_curation.experiments.ledger import Ledger
 from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
@@ -43,13 +43,19 @@ from contact_curation.pipeline.workers import Advance, each, unheard
 from contact_curation.version import __version__
 
 
-class Finished(NamedTuple):
+class _Finished(NamedTuple):
     """What became of a cell: its rows, or one line on why there are none."""
 
-    cell: AnyCell
-    rows: tuple[Row, ...]
+    rows: Sequence[Row]
     error: str
     seconds: float
+
+
+class Failed[Cell](NamedTuple):
+    """A cell without result, and one line on why."""
+
+    cell: Cell
+    error: str
 
 
 def run_experiment(arguments: Arguments) -> int:
@@ -62,26 +68,83 @@ def run_experiment(arguments: Arguments) -> int:
     bench = _bench(arguments)
     ledger = Ledger(arguments.out / "cells.jsonl", _identity(experiment, bench))
     left = [cell for cell in cells if cell.key not in ledger]
-    failed = _run(left, bench, ledger, arguments.jobs, len(cells))
+    if not all(isinstance(cell, ThrowsCell) for cell in left):
+        _ = bench.reference  # once here, and not again in every process
+    failed = run_cells(cells, partial(_rows, bench=bench), ledger, arguments.jobs)
+    written = write_tables(experiment, rows_of(cells, ledger, failed), arguments.out)
+    warn([one.error for one in failed])
+    report_run(arguments, len(cells), len(left), len(failed), time.monotonic() - began, written)
+    return 1 if failed else 0
+
+
+def run_cells[Cell: Planned](
+    cells: Sequence[Cell], rows_of_cell: Callable[[Cell], Sequence[Row]], ledger: Ledger, jobs: int
+) -> list[Failed[Cell]]:
+    """Runs the cells that a ledger lacks, each in a process of its own, and adds their rows to it; returns those that failed.
+
+    Args:
+        cells: in the order in which they are run.
+        rows_of_cell: the rows of a cell.
+        ledger: of the finished ones.
+        jobs: number of processes.
+    """
+    left, failed = [cell for cell in cells if cell.key not in ledger], list[Failed[Cell]]()
+    with Progress("running", "cells", len(cells), len(cells) - len(left)) as bar:
+        for cell, done in zip(left, each(partial(_finished, rows_of_cell), left, jobs, unheard), strict=True):
+            if done.error:
+                failed.append(Failed(cell, done.error))
+            else:
+                ledger.add(cell.key, done.rows, done.seconds)
+            bar.advance()
+    return failed
+
+
+def _finished[Cell: Planned](rows_of_cell: Callable[[Cell], Sequence[Row]], cell: Cell, advance: Advance) -> _Finished:
+    torch.set_num_threads(1)
+    began = time.monotonic()
+    try:
+        rows, error = rows_of_cell(cell), ""
+    except ContactCurationError as problem:
+        rows, error = (), str(problem)
+    return _Finished(rows, error, time.monotonic() - began)
+
+
+def rows_of[Cell: Planned](cells: Sequence[Cell], ledger: Ledger, failed: Sequence[Failed[Cell]]) -> list[Row]:
+    """The rows of all finished cells, each with its cell's fields.
+
+    Raises:
+        InvalidValueError: not one was finished.
+    """
     rows = [{**cell.fields, **row} for cell in cells if cell.key in ledger for row in ledger.rows(cell.key)]
     if not rows:
-        raise InvalidValueError("finished cells", "none", f"at least one ({failed[0] if failed else 'no cell'})")
-    written = write_tables(experiment, rows, arguments.out)
-    warn(failed)
+        raise InvalidValueError("finished cells", "none", f"at least one ({failed[0].error if failed else 'no cell'})")
+    return rows
+
+
+def report_run(arguments: Arguments, cells: int, left: int, failed: int, seconds: float, files: Sequence[Path]) -> None:
+    """Prints what was run, as lines or as JSON.
+
+    Args:
+        arguments: of `reproduce`.
+        cells: of the experiment.
+        left: of these, that were not finished before.
+        failed: of these, that have no result.
+        seconds: that it took.
+        files: that were written.
+    """
     report = {
-        "experiment": experiment.value,
-        "cells": len(cells),
-        "run": len(left) - len(failed),
-        "failed": len(failed),
-        "seconds": round(time.monotonic() - began, 1),
-        "files": [str(path) for path in written],
+        "experiment": arguments.experiment,
+        "cells": cells,
+        "run": left - failed,
+        "failed": failed,
+        "seconds": round(seconds, 1),
+        "files": [str(path) for path in files],
     }
     if arguments.json:
         print_json(report)
     else:
-        print(f"{experiment.value}: {counted(len(cells), 'cell')}, {report['run']} run now in {report['seconds']} s")
-        print("\n".join(str(path) for path in written))
-    return 1 if failed else 0
+        print(f"{arguments.experiment}: {counted(cells, 'cell')}, {report['run']} run now in {report['seconds']} s")
+        print("\n".join(str(path) for path in files))
 
 
 def experiment_config(arguments: Arguments) -> ExperimentConfig:
@@ -135,32 +198,6 @@ def _calibrated(bench: Bench) -> Bench:
     lean, off = np.degrees(rig.tilt), 100.0 * (rig.scale - 1.0)
     warn([f"board tilt {lean:.2f} degrees, lengths {off:.1f} % too short: tosses are corrected (--as-recorded: not)"])
     return bench.on(rig)
-
-
-def _run(left: list[AnyCell], bench: Bench, ledger: Ledger, jobs: int, cells: int) -> list[str]:
-    """Runs cells; returns a line for each that has no result."""
-    failed = []
-    if not all(isinstance(cell, ThrowsCell) for cell in left):
-        _ = bench.reference  # once here, and not again in every process
-    with Progress("running", "cells", cells, cells - len(left)) as bar:
-        for done in each(partial(finished, bench), left, jobs, unheard):
-            if done.error:
-                failed.append(done.error)
-            else:
-                ledger.add(done.cell.key, done.rows, done.seconds)
-            bar.advance()
-    return failed
-
-
-def finished(bench: Bench, cell: AnyCell, advance: Advance) -> Finished:
-    """Runs one cell; in a process of its own."""
-    torch.set_num_threads(1)
-    began = time.monotonic()
-    try:
-        rows, error = _rows(cell, bench), ""
-    except ContactCurationError as problem:
-        rows, error = (), str(problem)
-    return Finished(cell, rows, error, time.monotonic() - began)
 
 
 def _rows(cell: AnyCell, bench: Bench) -> tuple[Row, ...]:

@@ -4,16 +4,15 @@ Three weights of the selected tosses' information: 1, the plain sum; K / k; and,
 that grow with their leverage, one over that probability (Horvitz and Thompson 1952).
 """
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
-from contact_curation.experiments.cell import Cell
+from contact_curation.experiments.cell import Cell, Planned
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row, pool_of_cell
 from contact_curation.experiments.rules import RULES
 from contact_curation.geometry.quaternions import Array
@@ -27,7 +26,7 @@ from contact_curation.learning.training.curated import toss_scorer
 
 
 @dataclass(frozen=True)
-class TheoremCell:
+class TheoremCell(Planned):
     """One rule's sets, at the fit to all training tosses.
 
     Attributes:
@@ -36,14 +35,11 @@ class TheoremCell:
         seed: of the pool and the draws.
     """
 
+    KIND = "theorem"
+
     rule: str
     sizes: tuple[int, ...]
     seed: int
-
-    @property
-    def key(self) -> str:
-        """The same for equal cells only."""
-        return json.dumps({"theorem": asdict(self)}, sort_keys=True)
 
     @property
     def fields(self) -> Row:

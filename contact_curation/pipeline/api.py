@@ -132,6 +132,7 @@ def check(
     return found if body is not None else replace(found, warnings=(NO_BODY,))
 
 
+@says_what_to_install
 def score(
     tosses: Tosses | Inputs,
     *,

@@ -99,6 +99,37 @@ def test_ranking_a_polytope_imports_no_torch(golden_bag: Path) -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+def test_without_torch_every_name_and_function_says_what_to_install(bench: Path, model: cc.LearnedModel) -> None:
+    """In a process of its own, whose finder of modules finds no torch."""
+    model.save(bench / "of_torch.safetensors")
+    program = """
+import sys
+import contact_curation as cc
+from contact_curation import extras
+from contact_curation.errors import MissingDependencyError
+class NoTorch:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] == "torch":
+            raise ModuleNotFoundError("No module named 'torch'", name="torch")
+sys.meta_path.insert(0, NoTorch())
+extras.find_spec = lambda name: None
+tosses = cc.read("session.mcap", body="brick.yaml")
+cc.score(tosses)
+path = "of_torch.safetensors"
+for call in (
+    lambda: cc.score(tosses, model=path), lambda: cc.rank(tosses, model=path), lambda: cc.load_model(path),
+    lambda: cc.train(tosses), lambda: cc.evaluate(path, tosses), lambda: cc.LearnedModel,
+):
+    try:
+        call()
+    except MissingDependencyError as error:
+        print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=bench, capture_output=True, text=True)
+    assert done.stderr == ""
+    assert done.stdout == "torch is missing: pip install 'contact-curation[train]'\n" * 6
+
+
 def test_every_name_has_a_home_and_a_documentation() -> None:
     for name in cc.__all__:
         assert (getattr(cc, name).__doc__ or "").strip(), name

@@ -3,12 +3,11 @@
 The throws themselves are made in `designed_throws.py`.
 """
 
-import json
 from dataclasses import asdict, dataclass
 
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS
 from contact_curation.errors import InvalidValueError, UnknownNameError
-from contact_curation.experiments.cell import Protocol
+from contact_curation.experiments.cell import Planned, Protocol
 
 RANDOM, RAW, DESIGNED = "random", "raw", "designed"
 ARMS = (RANDOM, RAW, "exploration", DESIGNED)
@@ -24,7 +23,7 @@ WORLDS = {FIRM: (0.006, 1.0), "soft": (0.01, 1.0), "bouncing": (0.006, 0.72), "s
 
 
 @dataclass(frozen=True)
-class ThrowsCell:
+class ThrowsCell(Planned):
     """One learner, from its first throw to its last.
 
     Attributes:
@@ -37,6 +36,8 @@ class ThrowsCell:
         world: that the throws land in, one of `WORLDS`.
         restitution: whether the learner has one.
     """
+
+    KIND = "throws"
 
     rule: str
     judged: tuple[int, ...]
@@ -59,11 +60,6 @@ class ThrowsCell:
             raise InvalidValueError("restitution", f"protocol {self.protocol}", "protocol exact, which learns one")
         if (self.steps > 0) != (self.protocol == Protocol.BUDGETED):
             raise InvalidValueError("steps", self.steps, "some for the budgeted protocol, 0 for the exact one")
-
-    @property
-    def key(self) -> str:
-        """The same for equal cells only."""
-        return json.dumps({"throws": asdict(self)}, sort_keys=True)
 
     @property
     def fields(self) -> dict[str, float | str]:
