@@ -65,20 +65,23 @@ def set_whole_numbers(config: object, names: Iterable[str], least: int = 0, most
         object.__setattr__(config, name, whole_number(prefix + name, getattr(config, name), least, most))
 
 
-def check_positive(config: object, names: Iterable[str], prefix: str = "", unit: str = "") -> None:
-    """Checks that fields of a config are finite numbers above 0; truth values are none.
+def check_positive(config: object, names: Iterable[str], prefix: str = "", unit: str = "", *, infinite: bool = False) -> None:
+    """Checks that fields of a config are numbers above 0; truth values are none.
 
     Args:
         config: itself, in its `__post_init__`.
         names: of the fields.
         prefix: stands before the names in messages.
         unit: stands after what is expected, such as "of metres".
+        infinite: whether infinity is accepted, for a bound that does not apply.
 
     Raises:
         InvalidValueError: one is another value.
     """
     for name in names:
-        _check_number(prefix + name, getattr(config, name), f"a positive number {unit}".rstrip(), least_excluded=True)
+        value = getattr(config, name)
+        if not (infinite and isinstance(value, float) and value == inf):
+            _check_number(prefix + name, value, f"a positive number {unit}".rstrip(), least_excluded=True)
 
 
 def check_not_negative(config: object, names: Iterable[str], prefix: str = "") -> None:

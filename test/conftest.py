@@ -6,7 +6,7 @@ import sys
 # Mesa's software renderer brings an LLVM, and so does triton, which torch.optim imports: with both, a process crashes.
 sys.modules["triton"] = None  # type: ignore[assignment]
 
-# Before NumPy comes: its threads wait for each other on busy cores, the matrices are small, and tests start many processes.
+# Before NumPy and torch come: their threads wait for each other on busy cores, matrices are small, tests start many processes.
 for library in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(library, "1")
 

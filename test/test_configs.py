@@ -75,5 +75,9 @@ def test_what_is_no_positive_number_is_refused_by_its_name(value: object) -> Non
 def test_numbers_of_numpy_are_numbers_and_0_is_not_positive() -> None:
     check_positive(_With(np.float32(0.5)), ("share",))
     check_not_negative(_With(np.int64(0)), ("share",))
+    check_positive(_With(np.inf), ("share",), infinite=True)
+    for value in (-np.inf, np.nan, "inf"):
+        with pytest.raises(InvalidValueError):
+            check_positive(_With(value), ("share",), infinite=True)
     with pytest.raises(InvalidValueError, match=r"^share: found 0, expected a positive number of metres$"):
         check_positive(_With(0), ("share",), unit="of metres")

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from contact_curation.configs import check_positive
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, Vector, angle_between, compose, inverse
 from contact_curation.motion.frame_tree import HISTORY, FrameTree, Link, composed
@@ -75,12 +76,8 @@ class TrackerConfig:
     def __post_init__(self) -> None:
         if not self.body_frame or self.body_frame == self.board_frame:
             raise InvalidValueError("body_frame", repr(self.body_frame), "the name of a frame that is not the board's")
-        for name in ("clock_jump", "largest_wait", "largest_rig_gap"):
-            if not getattr(self, name) > 0.0:
-                raise InvalidValueError(name, getattr(self, name), "a positive number of seconds")
-        for name in ("largest_speed", "largest_spin"):
-            if not getattr(self, name) > 0.0:
-                raise InvalidValueError(name, getattr(self, name), "a positive number")
+        check_positive(self, ("clock_jump", "largest_wait", "largest_rig_gap"), unit="of seconds", infinite=True)
+        check_positive(self, ("largest_speed", "largest_spin"), infinite=True)
 
 
 @dataclass(frozen=True, slots=True)

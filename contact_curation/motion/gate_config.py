@@ -10,8 +10,7 @@ from math import radians, sqrt
 
 import numpy as np
 
-from contact_curation.configs import ranged
-from contact_curation.errors import InvalidValueError
+from contact_curation.configs import check_positive, ranged
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.pose_noise import LOUD, RIG_NOISE, RIG_TURN, TrackerScale
 from contact_curation.motion.scales import BodyScale
@@ -96,10 +95,8 @@ class GateConfig:
     largest_gap: float = ranged(1.5, 1.0, 1e3)
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name != "enabled" and value is not None and not value > 0.0:
-                raise InvalidValueError(each.name, value, "a positive number")
+        given = (each.name for each in fields(self) if each.name != "enabled" and getattr(self, each.name) is not None)
+        check_positive(self, given, infinite=True)
 
     def bounds(self, body: BodyScale, tracker: TrackerScale) -> "GateBounds":
         """The bounds for a body and its tracker."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from math import inf, isfinite
 
-from contact_curation.configs import ranged
+from contact_curation.configs import check_positive, ranged
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.gate_config import LENGTH_NOISE, airborne_noise
 from contact_curation.motion.pose_noise import RIG, RIG_NOISE, TrackerScale
@@ -99,8 +99,8 @@ class SegmenterConfig:
             if each.name.startswith("region_"):
                 if len(value) != 2 or not value[0] < value[1]:
                     raise InvalidValueError(each.name, value, "two numbers, the lower first [m]")
-            elif not isinstance(value, bool) and value is not None and not value > 0.0:
-                raise InvalidValueError(each.name, value, "a positive number")
+            elif not isinstance(value, bool) and value is not None:
+                check_positive(self, (each.name,), infinite=True)
         if self.tracker_noise is not None and not 1.0 <= self.tracker_noise < inf:
             raise InvalidValueError("tracker_noise", self.tracker_noise, "1 or more, in multiples of that of ContactNets' rig")
 

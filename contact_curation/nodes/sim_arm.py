@@ -20,7 +20,6 @@ from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty
-from std_srvs.srv import Trigger
 
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.arm_frame import joint_state_message, truth_message
@@ -28,13 +27,12 @@ from contact_curation.nodes.messages.headers import Stamped, time_message
 from contact_curation.nodes.messages.throw import commanded_throw_of, throw_message, throw_of
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
-from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import TRUTH_DEPTH, latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
-from contact_curation.nodes.throw_server import ThrowServer, declared_oldest_goal
+from contact_curation.nodes.throw_server import GatedArm, ThrowServer, declared_oldest_goal
 from contact_curation.simulation.arm.feasibility import ArmFeasibility
 from contact_curation.simulation.arm.frame import ArmFrame
 from contact_curation.simulation.arm.model import ArmConfig
@@ -60,7 +58,7 @@ COUNTED = 0.1
 """Largest time between two checks of the heartbeat that counts [s]: a process without processor time moves nothing."""
 
 
-class SimArm(ManagedNode):
+class SimArm(GatedArm):
     """Throws one body, one goal after the other."""
 
     def __init__(self) -> None:
@@ -85,10 +83,11 @@ class SimArm(ManagedNode):
         self._awake = AwakeClock(self._now, COUNTED)
         epoch_ns = round(epoch * NANOSECONDS) or self.get_clock().now().nanoseconds
         self._simulated = SimulatedTime(Path(state) if state else None, epoch_ns)
-        self._gate = SafetyGate(limits)
-        self._stage = ArmStage(ArmFeasibility(ThrowPlanner(self._body, arm), limits), self._gate, control, seed)
+        gate = SafetyGate(limits)
+        self.serve_gate(gate, self._awake.now)
+        self._stage = ArmStage(ArmFeasibility(ThrowPlanner(self._body, arm), limits), gate, control, seed)
         self._warnings = ThrottledWarnings(self)
-        self._ended, self._wake, self._beaten = False, threading.Event(), threading.Event()
+        self._ended, self._beaten = False, threading.Event()
         self._since_breath = 0
         self._publish(Ticks(clock_hertz))
         self.start()
@@ -101,10 +100,6 @@ class SimArm(ManagedNode):
         self._worker.do(self._work)
         self.add_on_set_parameters_callback(self._parameters_set)
         HealthReport(self, "arm", self._health, self._body.name)
-
-    def deactivated(self) -> None:
-        self._gate.stop("the node was deactivated")
-        self._wake.set()
 
     def close(self) -> None:
         self._ended = True
@@ -122,8 +117,6 @@ class SimArm(ManagedNode):
         self._ticks = ticks
         if ticks.any:
             self._time = self.create_publisher(ClockMessage, "clock", profile(1, reliable=True, latched=False))
-        self.create_service(Trigger, "~/stop", self._stop)
-        self.create_service(Trigger, "~/arm", self._arm)
         self._server = ThrowServer(
             self,
             admits=self._admits,
@@ -151,21 +144,6 @@ class SimArm(ManagedNode):
             self._arms_itself = self._beats_itself
             self._gate.arm(self._awake.now())
         self._beaten.set()
-
-    def _stop(self, _: Any, response: Any) -> Any:
-        self._gate.stop("the stop service was called")
-        self._wake.set()
-        response.success, response.message = True, "stopped until it is armed again"
-        return response
-
-    def _arm(self, _: Any, response: Any) -> Any:
-        if self.inactive:
-            response.success, response.message = False, self.inactive
-            return response
-        number = self._gate.arm(self._awake.now())
-        self._wake.set()
-        response.success, response.message = True, f"armed (arming number {number})"
-        return response
 
     def _work(self) -> None:
         """Simulates frame after frame until the node ends; on the worker's thread."""

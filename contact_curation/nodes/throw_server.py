@@ -3,19 +3,23 @@
 Every goal is accepted, because only a result can carry a reason: a refused goal is aborted at once, with the reason.
 """
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
 from contact_curation_msgs.action import ExecuteThrow
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
+from std_srvs.srv import Trigger
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message
+from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.simulation.arm.frame import ArmFrame, Phase
+from contact_curation.simulation.arm.safety import SafetyGate
 from contact_curation.stages.arm import Ending
 
 FRAMES_PER_FEEDBACK = 15
@@ -39,6 +43,44 @@ def declared_oldest_goal(node: Node) -> float:
     """Declares the age from which on goals are stale [s]."""
     about = "goals whose stamp is further from now are refused as stale [s]; 0: no goal is"
     return float(declare(node, "oldest_goal", OLDEST_GOAL, about, bounds=(0.0, 3600.0)))
+
+
+class GatedArm(ManagedNode):
+    """A node with an arm behind a safety gate, which the services `~/arm` and `~/stop` arm and stop."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self._wake = threading.Event()
+        """Set when the thread that moves the arm has something to do."""
+
+    def serve_gate(self, gate: SafetyGate, now: Callable[[], float]) -> None:
+        """Offers the services.
+
+        Args:
+            gate: that every command passes.
+            now: its time [s].
+        """
+        self._gate, self._gate_time = gate, now
+        self.create_service(Trigger, "~/arm", self._arm)
+        self.create_service(Trigger, "~/stop", self._stop)
+
+    def deactivated(self) -> None:
+        """Stops the arm, until it is active and armed again."""
+        self._gate.stop("the node was deactivated")
+        self._wake.set()
+
+    def _arm(self, _: Any, response: Any) -> Any:
+        refusal = self.inactive
+        response.success = not refusal
+        response.message = refusal or f"armed (arming number {self._gate.arm(self._gate_time())})"
+        self._wake.set()
+        return response
+
+    def _stop(self, _: Any, response: Any) -> Any:
+        self._gate.stop("the stop service was called")
+        self._wake.set()
+        response.success, response.message = True, "stopped until it is armed again"
+        return response
 
 
 class ThrowServer:

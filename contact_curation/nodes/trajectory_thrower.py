@@ -8,7 +8,6 @@ in the motion; `~/home` then brings the arm home. `~/check` says what is missing
 """
 
 import sys
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -32,14 +31,13 @@ from contact_curation.nodes.messages.throw import commanded_throw_of
 from contact_curation.nodes.messages.trajectory import grip_message
 from contact_curation.nodes.ros.body_parameter import declared_body
 from contact_curation.nodes.ros.health import Health, HealthReport
-from contact_curation.nodes.ros.managed_node import ManagedNode
 from contact_curation.nodes.ros.node_main import run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.pose_topics import PoseTopics, Received, declared_poses
 from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Worker
-from contact_curation.nodes.throw_server import ThrowServer, declared_oldest_goal
+from contact_curation.nodes.throw_server import GatedArm, ThrowServer, declared_oldest_goal
 from contact_curation.simulation.arm.described import read_arm
 from contact_curation.simulation.arm.planned_throw import described_planner, planned_throw, way_home
 from contact_curation.simulation.arm.safety import GateConfig, SafetyGate
@@ -70,7 +68,7 @@ PHASES = {
 """Names of the phases in the feedback."""
 
 
-class TrajectoryThrower(ManagedNode):
+class TrajectoryThrower(GatedArm):
     """Throws one body by one arm."""
 
     def __init__(self) -> None:
@@ -98,7 +96,8 @@ class TrajectoryThrower(ManagedNode):
         if arm is None:
             raise InvalidValueError("arm", "nothing", "the YAML file of your arm; see docs/how-to/your_arm.md")
         self._began_ns: int = self.get_clock().now().nanoseconds
-        self._gate, planner = SafetyGate(gate), described_planner(self._body, arm, steady)
+        self.serve_gate(SafetyGate(gate), self._now)
+        planner = described_planner(self._body, arm, steady)
         self._joints, self._flange = arm.joints, arm.flange
         self._recorded = read_record(self._state_path, GripperRecord)
         self._stage = TrajectoryThrow(
@@ -107,26 +106,21 @@ class TrajectoryThrower(ManagedNode):
             self._recorded,
         )  # fmt: skip
         self._warnings = ThrottledWarnings(self)
-        self._ended, self._wake, self._told = False, threading.Event(), (0.0, "")
+        self._ended, self._told = False, (0.0, "")
         self._gripper = GripperClient(self, gripper, self._stage)
         self._controller = ControllerClient(self, controller, arm.joints, self._began_ns, self._stage)
         self._listen(config, controller_state, scaling)
         self._tracker = BodyTracker(poses.tracker(self._body, poses.board_frame))
         self._topics = PoseTopics(self, self._body.name, poses, "", 1024, lambda _: {}, self._pose_came)
         self.create_timer(FOLLOW, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        for name, answer in {"arm": self._arm, "stop": self._stop, "home": self._home, "check": self._check}.items():
-            self.create_service(Trigger, f"~/{name}", answer)
+        self.create_service(Trigger, "~/home", self._home)
+        self.create_service(Trigger, "~/check", self._check)
         self._grip = self.create_publisher(PoseStamped, "~/grip", latched(1))
         self._server = ThrowServer(self, self._admits, self._wake.set, self._stamped, self._warnings)
         self._worker = Worker(self.fail)
         self._worker.do(self._work)
         HealthReport(self, "arm", self._health, self._body.name)
         self.start()
-
-    def deactivated(self) -> None:
-        """Stops the arm, until it is active and armed again."""
-        self._gate.stop("the node was deactivated")
-        self._wake.set()
 
     def close(self) -> None:
         """Ends the thread, and stops the arm if it moves."""
@@ -168,18 +162,6 @@ class TrajectoryThrower(ManagedNode):
         now_ns = self.get_clock().now().nanoseconds
         throw = commanded_throw_of(message, self._board_frame, now_ns, self._oldest_goal)
         return self.inactive or self._controller.missing() or self._gripper.missing() or self._stage.admits(throw)
-
-    def _arm(self, _: Any, response: Any) -> Any:
-        refusal = self.inactive
-        response.success = not refusal
-        response.message = refusal or f"armed (arming number {self._gate.arm(self._now())})"
-        return response
-
-    def _stop(self, _: Any, response: Any) -> Any:
-        self._gate.stop("the stop service was called")
-        self._wake.set()
-        response.success, response.message = True, "stopped until it is armed again"
-        return response
 
     def _home(self, _: Any, response: Any) -> Any:
         refusal = self.inactive or self._controller.missing() or self._stage.admits_homeward()

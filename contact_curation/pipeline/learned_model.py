@@ -7,6 +7,7 @@ from pathlib import Path
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, read_json, write_atomically
@@ -112,6 +113,8 @@ def load_model(path: str | PathLike[str], body: GivenBody | None = None) -> Lear
         'polytope'
     """
     path = path_of("model", path, "a model, or the path of its file")
+    if str(path) in MODELS and not path.exists():  # as --model of the commands takes it
+        raise InvalidValueError("model", f"{str(path)!r}, a kind of model", "a trained model, or the path of its file")
     body = None if body is None else body_of(body)
     if is_checkpoint(path):
         return model_of_checkpoint(read_bounded(path, LARGEST_BYTES, "a checkpoint or a model"), str(path), body)

@@ -125,6 +125,27 @@ def test_medians_are_those_of_ten_seeds(heading: str, name: str) -> None:
     assert counted > 50
 
 
+FUNCTIONALS = {
+    "trace, empirical": "trace",
+    "info-orthogonal, literal": "orthogonal-literal",
+    "info-orthogonal, pivoted": "orthogonal",
+}
+"""Rules as the tables of functionals name them; the others have their own names."""
+
+
+def test_functionals_are_medians_of_ten_seeds() -> None:
+    found, counted = [*rows("functionals"), *rows("dataset_quality")], 0
+    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in section("The functionals").splitlines()]
+    for measures in (("rotation", "vertices_from_all"), ("position", "friction")):
+        place = next(place for place, cells in enumerate(lines) if len(cells) == 5 and cells[1].startswith(measures[0]))
+        for rule, *cells in lines[place + 2 : place + 10]:
+            for cell, measure, size in zip(cells, np.repeat(measures, 2), (8, 16) * 2, strict=True):
+                said = Said(size, rule, str(measure), cell.split(" ")[0])
+                check(said, of_seeds(found, said, FUNCTIONALS.get(rule, rule), 10).values(), 10)
+                counted += 1
+    assert counted == 64
+
+
 def test_differences_are_those_of_twenty_seeds() -> None:
     found, counted = rows("dataset_quality"), 0
     for said in tables(section("Dataset quality"), ("selected", "less")):

@@ -23,7 +23,7 @@ FORBIDDEN = {
     r"\brub(?:s|bed)?\b": "friction acts at",
     r"\breal rig\b": "ContactNets' rig",
     r"\bcomplaints?\b|\bculprits?\b|\bsaid_of\b": "what it holds",
-    r"\bdoor of the\b": "entry point",
+    r"\bdoors? of the\b": "entry point",
 }
 """Patterns, and what to write instead."""
 

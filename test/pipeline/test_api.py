@@ -336,6 +336,12 @@ def test_a_body_and_a_model_may_be_their_files(bench: Path, tosses: cc.Tosses, m
     assert cc.design(throws=1, method="prior", body="own.yaml").body.first_difference(tosses.body) == ""
 
 
+def test_a_kind_of_model_is_no_model(tosses: cc.Tosses) -> None:
+    for call in (lambda: cc.rank(tosses, model="deep"), lambda: cc.score(tosses, model="deep"), lambda: cc.load_model("deep")):
+        with pytest.raises(InvalidValueError, match=r"^model: found 'deep', a kind of model, expected a trained model"):
+            call()
+
+
 def test_settings_have_the_names_that_the_command_takes(cli: Cli, golden_bag: Path, body: cc.Body) -> None:
     settings = {"gates.rest_tilt": 4e-4, "rig.scale": 1.01, "rig.normal": [0.0, 0.0, 1.0]}
     words = [f"--set={name}={str(value).strip('[]').replace(' ', '')}" for name, value in settings.items()]

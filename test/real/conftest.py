@@ -1,6 +1,5 @@
 """ContactNets' tosses as the tests of method.md 6 take them, read once."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +14,6 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.contact.cases import noisy_geometry
 from test.simulated import FRAME_PERIOD, PAUSE_NS, length_scales, stamps_ns
-
-
-@pytest.fixture(autouse=True, scope="package")
-def one_thread() -> Iterator[None]:
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="package")

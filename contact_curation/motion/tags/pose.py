@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_curation.configs import check_positive
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.pinhole import Pinhole
@@ -74,9 +75,7 @@ class TagPoseConfig:
     def __post_init__(self) -> None:
         if self.fewest_tags < 1 or self.largest_hamming < 0:
             raise InvalidValueError("fewest_tags, largest_hamming", (self.fewest_tags, self.largest_hamming), "1, 0 or more")
-        for name in ("largest_misfit", "flip_angle", "flip_ratio", "largest_turn_deviation"):
-            if not getattr(self, name) > 0.0:
-                raise InvalidValueError(name, getattr(self, name), "a positive number")
+        check_positive(self, ("largest_misfit", "flip_angle", "flip_ratio", "largest_turn_deviation"), infinite=True)
 
 
 @dataclass(frozen=True, eq=False)

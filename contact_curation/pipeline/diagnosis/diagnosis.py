@@ -28,7 +28,7 @@ COMMAND = "contact-curation"
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is to be said of recordings.
+    """A diagnosis of recordings. `print` shows it, `document()` gives it to programs.
 
     Attributes:
         verdict: one line: what is wrong first of all, or that nothing is.

@@ -106,7 +106,7 @@ def _constraint(descriptor: ParameterDescriptor) -> str:
 
 
 def _limits(low: float, high: float) -> str:
-    return f"at least {low:g}" if high == HIGHEST[0] else f"{low:g} to {high:g}"
+    return f"at least {low:.15g}" if high == HIGHEST[0] else f"{low:.15g} to {high:.15g}"
 
 
 @contextmanager
