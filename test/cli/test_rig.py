@@ -83,6 +83,7 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert "at rest" not in ranked.out
 
 
+@pytest.mark.slow
 def test_a_model_of_tosses_corrected_is_judged_by_such(cli: Cli, golden: Path, tmp_path: Path) -> None:
     settings, checkpoint = "--set rig.scale=1.00500", tmp_path / "cube.safetensors"
     trained = cli("train", golden, *settings.split(), "--protocol", "exact", "--held-out", "0.3", "--out", checkpoint)
@@ -134,6 +135,7 @@ def test_the_marker_s_offset_is_what_the_described_centre_of_mass_leaves(
     assert mended["correction_needed"] is False
 
 
+@pytest.mark.slow
 def test_a_centre_of_mass_that_is_not_where_it_is_described_is_found_by_free_flights(cli: Cli, tmp_path: Path) -> None:
     """The shape is described where it is, the centre of mass 15 mm beside."""
     off = CONTACTNETS_CUBE.about([0.01, -0.005, 0.01])

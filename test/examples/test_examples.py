@@ -29,6 +29,7 @@ def run(name: str, *words: object, status: int = 0) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_each_recording_has_a_verdict_and_a_faulty_one_ends_with_status_1(golden_bag: Path, tmp_path: Path) -> None:
     empty = tmp_path / "empty.mcap"
     empty.touch()

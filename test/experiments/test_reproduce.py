@@ -35,6 +35,7 @@ def lines_without_seconds(path: Path) -> list[dict[str, object]]:
     return [{name: value for name, value in line.items() if name != "seconds"} for line in lines]
 
 
+@pytest.mark.slow
 def test_dataset_quality_compares_rules_seed_by_seed(cli: Cli, folder: Path, tmp_path: Path) -> None:
     rules = ("longest", "log-det")
     done = cli("reproduce", "dataset-quality", folder, "--out", tmp_path, *SMALL, "--rules", *rules)
@@ -70,6 +71,7 @@ def test_it_goes_on_where_it_was_stopped_and_gives_the_same_digits(cli: Cli, fol
     assert cli(*words, tmp_path / "torn", "--json").json["run"] == 0
 
 
+@pytest.mark.slow
 def test_robustness_says_what_the_gates_caught(cli: Cli, folder: Path, tmp_path: Path) -> None:
     done = cli("reproduce", "robustness", folder, "--out", tmp_path, *SMALL, "--rules", "longest", "--shares", 0.5)
     assert done.status == 0

@@ -27,6 +27,7 @@ def run(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS, *words], capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_a_polytope_is_ranked_without_any_extra(tmp_path: Path) -> None:
     done = run("rank", str(GOLDEN), "--top", "3", "--out", str(tmp_path / "ranked.csv"))
     assert done.returncode == 0, done.stderr

@@ -167,6 +167,7 @@ def test_without_a_body_a_warning_says_that_the_cube_is_assumed(bench: Path) -> 
 NO_BODY = "no body given: assuming ContactNets' cube (0.37 kg, 105 mm)"
 
 
+@pytest.mark.slow
 def test_every_function_that_assumes_the_cube_says_so(bench: Path, body: cc.Body) -> None:
     session = bench / "session.mcap"
     checked = cc.check(session)
@@ -325,6 +326,7 @@ def test_models_of_files_are_scored_and_ranked_for(
         cc.load_model(tmp_path / "none.json")
 
 
+@pytest.mark.slow
 def test_a_body_and_a_model_may_be_their_files(bench: Path, tosses: cc.Tosses, model: cc.LearnedModel) -> None:
     model.save("m.safetensors")
     assert cc.read("session.mcap", "brick.yaml").ids == tosses.ids
@@ -397,6 +399,7 @@ def test_a_body_that_contradicts_the_tosses_or_the_model_is_refused(
     assert cc.rank(tosses, 4, body=replace(body, name="other")).ids == cc.rank(tosses, 4).ids
 
 
+@pytest.mark.slow
 def test_a_result_is_saved_over_what_can_be_made_again_only(
     bench: Path, tosses: cc.Tosses, ranking: cc.RankedTosses, model: cc.LearnedModel
 ) -> None:

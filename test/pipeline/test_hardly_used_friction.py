@@ -21,6 +21,7 @@ def thrown(friction: float) -> cc.Tosses:
 
 
 @pytest.mark.parametrize(("friction", "said"), [(1.2, True), (0.18, False)])
+@pytest.mark.slow
 def test_train_and_evaluate_say_it(friction: float, said: bool) -> None:
     tosses = thrown(friction)
     model = cc.train(tosses)

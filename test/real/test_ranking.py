@@ -38,6 +38,7 @@ def by(criterion: str, pool: Pool, top: int = 32, seed: int = 0) -> Ranking:
 # What a trace is
 
 
+@pytest.mark.slow
 def test_every_trace_is_that_of_the_scores_of_its_transitions(real_tosses: Tosses, real_transitions: Transitions) -> None:
     """method.md 6.6: sum and mean differ by exactly the number of transitions."""
     rows = real_transitions

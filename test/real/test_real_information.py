@@ -198,6 +198,7 @@ def with_spikes(rows: Transitions, seed: int) -> tuple[Transitions, NDArray[np.i
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+@pytest.mark.slow
 def test_tracking_outliers_win_by_trace_and_lose_by_bounded_influence_and_gauss_newton(
     real_transitions: Transitions, fitted: ContactGeometry, seed: int
 ) -> None:

@@ -53,6 +53,7 @@ def nodes_seen(environment: Mapping[str, str], wanted: set[str], **changes: str)
     return set(done.stdout.split())
 
 
+@pytest.mark.slow
 def test_a_graph_with_its_dashboard_listens_on_loopback_alone_and_is_seen_by_the_tools_of_this_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -255,6 +255,7 @@ def test_what_cannot_be_done_is_one_line(cli: Cli, folder: Path, checkpoint: Pat
     assert sum("error" in line for line in done.err_lines) == 1
 
 
+@pytest.mark.slow
 def test_what_was_left_out_is_said_and_a_fit_to_the_optimum_is_not_called_badly_trained(
     cli: Cli, golden: Path, tmp_path: Path
 ) -> None:

@@ -122,6 +122,7 @@ def test_a_polytope_that_is_given_is_where_it_starts(cli: Cli, folder: Path, tmp
     assert "expected a checkpoint of a deep model" in refused.err
 
 
+@pytest.mark.slow
 def test_a_shape_that_is_known_is_where_it_begins_and_about_where_it_ends(cli: Cli, folder: Path, tmp_path: Path) -> None:
     off = {}
     for name, options in {"random": (), "known": ("--shape-known-to", "0.0005")}.items():

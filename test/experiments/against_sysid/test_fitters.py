@@ -64,6 +64,7 @@ def by_our_rollouts(count: int) -> list[Toss]:
     return tosses
 
 
+@pytest.mark.slow
 def test_least_squares_of_sysid_recover_a_box_and_its_contacts() -> None:
     found = FITTERS["sysid"](task_of(by_mujoco(3)), False)
     assert found.contact is not None

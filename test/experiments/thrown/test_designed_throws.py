@@ -44,6 +44,7 @@ def test_throws_are_designed_from_the_first_theta_on_and_teach_about_as_planned(
     assert 0.2 < float(designed[2]["realised"]) / float(designed[2]["planned"]) < 3.0
 
 
+@pytest.mark.slow
 def test_held_out_motion_judges_after_the_throws_that_were_named(designed: tuple[Row, ...]) -> None:
     assert ["position" in row for row in designed] == [True, False, True]
     assert float(designed[2]["rotation"]) < float(designed[0]["rotation"])

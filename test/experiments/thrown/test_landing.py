@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -30,6 +31,7 @@ def test_a_rest_is_told_by_the_face_below_however_the_body_is_turned_about_the_v
     np.testing.assert_array_equal(THROWER.rest(state).place, [0.1, 0.2])
 
 
+@pytest.mark.slow
 def test_the_true_body_does_more_tasks_than_one_that_slides_farther() -> None:
     slippery = replace(TRUE, tangents=0.2 * TRUE.tangents)
     right, wrong = (successes(geometry, THROWER, 16, 1) for geometry in (TRUE, slippery))

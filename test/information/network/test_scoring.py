@@ -88,6 +88,7 @@ def test_a_model_without_a_polytope_to_learn_has_no_physical_block(kind: str) ->
 
 @pytest.mark.parametrize("kind", NETWORKS)
 @pytest.mark.parametrize("estimator", list(Estimator))
+@pytest.mark.slow
 def test_a_toss_is_scored_alike_alone_and_among_others(kind: str, estimator: Estimator) -> None:
     config = ScoringConfig(estimator=estimator)
     together, alone = scored(network(kind), config), [scored(network(kind), config, (toss,))[0] for toss in reversed(SHORT)]

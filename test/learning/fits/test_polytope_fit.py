@@ -67,6 +67,7 @@ def test_velocities_through_a_trackers_median_filter_move_the_optimum_by_millime
     assert np.linalg.norm(found.tangents[0]) == pytest.approx(0.23, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_score_vanishes_where_a_fit_ends_and_the_loss_is_lower_nowhere_near(rows: Transitions, fit: PolytopeFit) -> None:
     sums = polytope_sums(fit.model, rows, Estimator.GAUSS_NEWTON, LOSS)
     information = sums.fishers.sum(axis=0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.loss_config import LossConfig
@@ -45,6 +46,7 @@ def said(count: int, throws: int | None = None) -> MoreThrows:
     return found
 
 
+@pytest.mark.slow
 def test_what_is_said_comes_true_within_a_factor_of_two_and_below_the_line_of_95_percent() -> None:
     """Of eight judging tosses one that tips over another edge makes most of the rotation: it is held to the line only."""
     position, rotation = motion_change(fitted(16), fitted(MOST), thrown()[MOST:], CONFIG)
