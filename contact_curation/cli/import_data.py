@@ -28,7 +28,7 @@ def add_options(verb: OneLineParser) -> None:
     )
     parser.add_argument("input", type=Path, metavar="DIR", help="folder of N.pt files, or one file")
     parser.add_argument("--tosses", metavar="NUMBERS", help="numbers of the files to import: 0-399, or 3,7-9 (default all)")
-    _finish(parser, run)
+    _add_common_options(parser, run)
     parser.set_examples(
         "contact-curation import contactnets contactnets/tosses_processed --out tosses.mcap",
         "contact-curation import contactnets tosses_processed --tosses 0-399 --out learning.mcap",
@@ -43,7 +43,7 @@ def add_options(verb: OneLineParser) -> None:
     poses.add_argument("input", type=Path, metavar="FILE", nargs="+", help="a table of poses; several follow each other")
     poses.add_argument("--rate", type=positive_number, metavar="HZ", help="poses in a second, of files without times")
     poses.add_argument("--up", choices=("x", "y", "z"), default="z", help="axis of the poses' frame that points up (default z)")
-    _finish(poses, run_poses)
+    _add_common_options(poses, run_poses)
     poses.set_examples(
         "contact-curation import poses mocap.csv --body brick.yaml --out session.mcap",
         "contact-curation import poses throws/*.txt --rate 120 --out throws.mcap",
@@ -54,8 +54,8 @@ def add_options(verb: OneLineParser) -> None:
     )
 
 
-def _finish(parser: OneLineParser, runs: Callable[[argparse.Namespace], int]) -> None:
-    """Adds what all kinds of data have."""
+def _add_common_options(parser: OneLineParser, runs: Callable[[argparse.Namespace], int]) -> None:
+    """Adds the options that all kinds of data have."""
     parser.add_argument(
         "--out", type=Path, required=True, metavar="BAG.mcap", help="bag to write; without .mcap a rosbag2 folder"
     )

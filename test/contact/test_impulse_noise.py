@@ -20,6 +20,7 @@ from contact_curation.contact.loss_config import HEAVIEST, LIGHTEST, LossConfig
 from contact_curation.contact.parameter_form import Form, form_of_geometry, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information import scoring
 from contact_curation.information.scoring import Scorer, ScoringConfig, parameters_version
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -53,10 +54,12 @@ def test_a_mass_beyond_the_bounds_changes_no_loss_and_no_score(data: Transitions
     assert not np.allclose(of(mass, a_theta(None))[0], of(BODY.mass, a_theta(None))[0])
 
 
-def test_the_version_of_theta_tells_scores_by_another_counted_mass_apart() -> None:
-    light = replace(BODY, mass=0.05)
-    kept, changed = parameters_version(a_theta(None), light), parameters_version(a_theta(ImpulseNoise()), light)
-    assert changed != kept  # the physical form, whose scores a mass still changes, keeps its version
+def test_the_version_of_theta_tells_apart_what_was_scored_by_the_mass_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = [(noise, replace(BODY, mass=mass)) for noise in (None, ImpulseNoise()) for mass in (BODY.mass, 0.05, 20.0)]
+    now = [parameters_version(a_theta(noise), body) for noise, body in cases]
+    monkeypatch.setattr(scoring, "counted_mass", lambda mass: mass)
+    before = [parameters_version(a_theta(noise), body) for noise, body in cases]
+    assert [one != other for one, other in zip(now, before)] == [False] * 4 + [True] * 2
 
 
 def sums(geometry: ContactGeometry, data: Transitions, estimator: Estimator, weights: Array | None = None) -> tuple[Any, ...]:

@@ -11,7 +11,6 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.carried_body import GivenBody, body_of
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.datasets.pose_bag import PoseWriter
-from contact_curation.storage.datasets.pose_table import PoseRow
 from contact_curation.storage.saved_path import saved_path
 
 UNIT = 0.01
@@ -66,9 +65,9 @@ def write_poses(
     if np.any(np.abs(off) > UNIT):
         raise InvalidValueError("orientations_wxyz", f"length {1.0 + off[np.abs(off).argmax()]:.3g}", "unit quaternions")
     stamps_ns = np.rint(stamps * NANOSECONDS).astype(np.int64)
-    rows = (
-        PoseRow(stamp_ns, ScalarPose((x, y, z), (qw, qx, qy, qz)))
+    stamped = (
+        (stamp_ns, ScalarPose((x, y, z), (qw, qx, qy, qz)))
         for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(stamps_ns.tolist(), places.tolist(), turns.tolist())
     )
     with BagWriter(saved_path(path, (".mcap",), overwrite=overwrite)) as bag:
-        return PoseWriter(bag, body_of(body)).write(rows)
+        return PoseWriter(bag, body_of(body)).write(stamped)

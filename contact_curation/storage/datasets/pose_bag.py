@@ -16,7 +16,7 @@ from contact_curation.errors import UnreadableInputError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.writer import BagWriter
-from contact_curation.storage.datasets.pose_table import PoseRow, PoseTable
+from contact_curation.storage.datasets.pose_table import PoseTable
 from contact_curation.storage.datasets.tagslam_bag import RigMessages, TagslamRig
 
 UPRIGHT = {
@@ -98,10 +98,10 @@ class PoseWriter:
         self.poses, self.moved, self.seconds = 0, 0, 0.0
         bag.write("/tf_static", self._messages.board(), 0, latched=True)
 
-    def write(self, rows: Iterable[PoseRow]) -> int:
-        """Adds a recording; returns the number of its poses."""
+    def write(self, poses: Iterable[tuple[int, ScalarPose]]) -> int:
+        """Adds a recording, stamps [ns] and poses; returns their number."""
         before_ns, count, first_ns, offset_ns = self._last_ns, 0, 0, 0
-        for stamp_ns, pose in rows:
+        for stamp_ns, pose in poses:
             if not count:
                 first_ns = stamp_ns
                 offset_ns = 0 if stamp_ns > before_ns else before_ns + BETWEEN_NS - stamp_ns

@@ -5,6 +5,7 @@ trajectories (https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats): t
 tab or spaces part the columns.
 """
 
+import csv
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -54,18 +55,6 @@ SHOWN = 12
 EXPECTED = f"columns named {', '.join(TUM)} (or such as pose.position.x, q_w), or without names, in this order"
 
 
-class PoseRow(NamedTuple):
-    """One row.
-
-    Attributes:
-        stamp_ns: its time, as in the file.
-        pose: position [m] and orientation.
-    """
-
-    stamp_ns: int
-    pose: ScalarPose
-
-
 class _Columns(NamedTuple):
     """Where the columns are: that of times, of nanoseconds beside whole seconds, and those of `KINDS`."""
 
@@ -106,14 +95,15 @@ class PoseTable:
         self._period_ns = None if rate is None else NANOSECONDS / rate
         self._unit = self._columns.time_unit or (1 if rate is not None else self._unit_by_steps())
 
-    def __iter__(self) -> Iterator[PoseRow]:
+    def __iter__(self) -> Iterator[tuple[int, ScalarPose]]:
+        """Stamps [ns] as in the file, and poses in metres."""
         left_out, first = 0, ""
         self.left_out = left_out, first
         for row, (line, values) in enumerate(self._rows()):
             try:
                 if len(values) < self._columns.fewest:
                     raise _NoPose(f"found {len(values)} values, expected {self._columns.fewest}")
-                yield PoseRow(self._stamp_ns(row, values), self._pose(values))
+                yield self._stamp_ns(row, values), self._pose(values)
             except _NoPose as why:
                 left_out, first = left_out + 1, first or f"line {line}: {why}"
                 self.left_out = left_out, first
@@ -185,7 +175,9 @@ class _NoPose(Exception):
 
 def _parts(line: str, separator: str | None) -> list[str]:
     """The values of a line."""
-    parts = (line if separator == "," else line.replace(",", ".")).split(separator)  # 0,5;1,5 in parts of Europe
+    if separator != ",":
+        line = line.replace(",", ".")  # 0,5;1,5 in parts of Europe
+    parts = next(csv.reader([line], delimiter=separator), []) if separator else line.split()
     return [part.strip().strip("\"'") for part in parts]
 
 

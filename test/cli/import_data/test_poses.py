@@ -59,6 +59,13 @@ def test_times_may_be_dates(cli: Cli, tmp_path: Path) -> None:
     assert (done.json["poses"], done.json["moved"], done.json["seconds"]) == (2, 0, pytest.approx(0.0067))
 
 
+def test_values_may_be_quoted_with_commas_in_names(cli: Cli, tmp_path: Path) -> None:
+    rows = ['"take, 1","time",x,y,z,qx,qy,qz,qw', '"a, b",1.0,0,0,1,0,0,0,1', '"a, b",1.5,0,0,1,0,0,0,1']
+    (tmp_path / "poses.csv").write_text("\n".join(rows))
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json")
+    assert (done.json["poses"], done.json["seconds"]) == (2, 0.5)
+
+
 def test_rows_without_a_pose_are_counted_and_a_file_cut_short_is_read(cli: Cli, tmp_path: Path) -> None:
     rows = ["t,x,y,z,qx,qy,qz,qw", "1,0,0,1,0,0,0,1", "1.01,,,,,,,", "1.02,nan,0,1,0,0,0,1", "1.03,0,0,1,0,0,0,1", "1.04,0,0"]
     (tmp_path / "poses.csv").write_text("\n".join(rows))
