@@ -3,7 +3,8 @@
     /tagslam/odom/body_<name>   nav_msgs/Odometry in `map`, a message for each pose, without covariance and twist
     /tf_static                  the board `body_surface` in `map`, latched, at the origin of the poses, z up
 
-Nothing else is corrected: `check` says what is wrong with axes, board, unit or times, and which settings correct it.
+Poses are turned so that z points up, and not corrected otherwise: `check` says what else is wrong with axes, board, unit or
+times, and which settings correct it.
 """
 
 from collections.abc import Callable, Iterable, Sequence

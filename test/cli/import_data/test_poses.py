@@ -8,6 +8,8 @@ import pytest
 import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
+from contact_curation.storage.datasets.pose_bag import UPRIGHT
 from test.cli.commands import Cli
 from test.storage.pose_text import Poses, board_poses, text
 
@@ -57,6 +59,13 @@ def test_times_may_be_dates(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("\n".join(rows))
     done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json")
     assert (done.json["poses"], done.json["moved"], done.json["seconds"]) == (2, 0, pytest.approx(0.0067))
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_the_axis_that_points_up_becomes_z(axis: str) -> None:
+    np.testing.assert_allclose(
+        quaternions.rotate(UPRIGHT[axis].orientation_wxyz, np.eye(3)["xyz".index(axis)]), [0, 0, 1], atol=1e-15
+    )
 
 
 def test_values_may_be_quoted_with_commas_in_names(cli: Cli, tmp_path: Path) -> None:
