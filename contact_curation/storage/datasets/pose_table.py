@@ -257,7 +257,7 @@ def _time(text: str) -> Decimal | None:
         value = Decimal(text)
     except InvalidOperation:
         return _date(text)
-    return value if value.is_finite() and abs(value) < LARGEST_TIME else None
+    return value if value.is_finite() and value.copy_abs() < LARGEST_TIME else None
 
 
 def _date(text: str) -> Decimal | None:
