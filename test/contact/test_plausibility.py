@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body_description import BodyOptions, read_description
-from contact_curation.contact.plausibility import BodyNumbers, derived_scale, implausible
+from contact_curation.contact.plausibility import BodyNumbers, check_lengths, derived_scale, implausible
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.polytopes import box
 
@@ -232,6 +232,10 @@ def test_a_number_that_no_body_has_is_refused_with_its_likely_unit(body: BodyNum
 )
 def test_what_is_possible_but_odd_is_one_line_each(body: BodyNumbers, lines: tuple[str, ...]) -> None:
     assert implausible(body) == lines
+
+
+def test_a_body_is_as_wide_as_along_its_longest_axis() -> None:
+    check_lengths(np.array([[0.0, -2.9, 0.0], [2.9, 0.0, 0.0], [0.0, 0.0, 1.0]]), 500.0)
 
 
 def test_the_derived_scale_is_half_the_edge_of_a_cube_of_the_volume() -> None:

@@ -83,6 +83,15 @@ def test_only_up_to_three_changes_in_a_row_are_one_impact(heights: list[float], 
     assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt) - fewer
 
 
+@pytest.mark.parametrize(("jump", "fewer"), [(3.9, 0), (4.1, 1)])
+def test_an_impact_changes_the_velocity_by_five_times_what_gravity_does_beside_gravitys_own_change(
+    jump: float, fewer: int
+) -> None:
+    velocities = np.concatenate([np.zeros(8), [jump, 2.0 * jump], np.full(8, 2.0 * jump)])
+    data = transitions(GRAVITY * DT**2 * np.cumsum(velocities))
+    assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt) - fewer
+
+
 def test_only_a_theta_with_a_restitution_describes_impacts() -> None:
     data, plain = transitions(fall(20, 10.3)), ContactGeometry.of_body(CONTACTNETS_CUBE)
     assert as_described(data, None, CONTACTNETS_CUBE) is data
