@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.parameter_form import Form, is_physical, parameter_form
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.parameter_form import Form, is_physical, moved_geometry, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.fits import polytope_sums
 from test.contact.cases import CUBE, DT, TRUE, full_vector, noisy_geometry, rows_of_kind
 
 FRICTION, TILT, HEIGHT = 48, slice(49, 51), 51
@@ -50,6 +53,23 @@ def test_the_physical_chart_is_the_derivative_of_the_geometry(geometry: ContactG
 def test_a_step_in_the_physical_form_stays_physical() -> None:
     step = 0.1 * np.random.default_rng(2).standard_normal(52)
     assert is_physical(moved(tilted_cube(), step))
+
+
+@pytest.mark.parametrize(
+    ("form", "restitution"), [(Form.PHYSICAL, None), *((Form.RIGID, bounce) for bounce in (None, 0.3, 0.0, 1.0))]
+)
+def test_a_geometry_moves_as_the_model_does(form: Form, restitution: float | None) -> None:
+    geometry = replace(TRUE.rigid() if form is Form.RIGID else tilted_cube(), restitution=restitution)
+    own = parameter_form(geometry, form)
+    for side in (0.05, -0.05):
+        step = side * np.random.default_rng(3).standard_normal(own.size)
+        with torch.no_grad():
+            expected = polytope_sums.moved(PolytopeModel(geometry, CUBE, form), step).geometry()
+        found = moved_geometry(geometry, own, step)
+        for name in ("vertices_normal", "vertices_tangent", "normal", "tangents", "pivot", "height"):
+            np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12, err_msg=name)
+        assert found.restitution == (None if restitution is None else pytest.approx(expected.restitution))
+        assert found.noise == geometry.noise
 
 
 @pytest.mark.parametrize("step", [-300.0, -8.0, 10.0, 40.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body_description import BodyOptions, read_description
-from contact_curation.contact.plausibility import BodyNumbers, derived_scale, implausible
+from contact_curation.contact.plausibility import BodyNumbers, check_lengths, derived_scale, implausible
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.polytopes import box
 
@@ -191,7 +191,7 @@ SCALE = "m for a body 0.12 m wide, expected metres, about 0.0416"
         (brick(length_scale=45.0), f"length_scale: found 45 {SCALE}: is it in mm (0.045 m)?"),
         (brick(length_scale=2.2), f"length_scale: found 2.2 {SCALE}: is it in cm (0.022 m)?"),
         (brick(length_scale=0.0005), f"length_scale: found 0.0005 {SCALE}"),
-        (brick(gravity=9810.0), "gravity: found 9810, expected m/s^2: is it in mm/s^2?"),
+        (brick(gravity=9000.5), "gravity: found 9000.5, expected m/s^2: is it in mm/s^2?"),
         (brick(gravity=9000.0), "gravity: found 9000, expected m/s^2: it is 9.81 on Earth"),
         (brick(gravity=11000.0), "gravity: found 11000, expected m/s^2: it is 9.81 on Earth"),
         (brick(gravity=0.1), "gravity: found 0.1, expected m/s^2: it is 9.81 on Earth"),
@@ -232,6 +232,10 @@ def test_a_number_that_no_body_has_is_refused_with_its_likely_unit(body: BodyNum
 )
 def test_what_is_possible_but_odd_is_one_line_each(body: BodyNumbers, lines: tuple[str, ...]) -> None:
     assert implausible(body) == lines
+
+
+def test_a_body_is_as_wide_as_along_its_longest_axis() -> None:
+    check_lengths(np.array([[0.0, -2.9, 0.0], [2.9, 0.0, 0.0], [0.0, 0.0, 1.0]]), 500.0)
 
 
 def test_the_derived_scale_is_half_the_edge_of_a_cube_of_the_volume() -> None:

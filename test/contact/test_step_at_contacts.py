@@ -1,5 +1,7 @@
 """The time step at given contacts: the polytope's own give the polytope's step, any others what plain loops give."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,24 @@ def test_a_good_guess_saves_sweeps_and_is_left_as_it_was() -> None:
     assert (warm.impulses != guess).any()
     np.testing.assert_array_equal(guess, solved.impulses)
     assert step_at_contacts(CONTACTNETS_CUBE, state, DT, *contacts, guess, once).status[0] == StepStatus.CONVERGED
+
+
+@pytest.mark.parametrize("given", [np.float32, np.int64, np.asfortranarray])
+def test_numbers_may_be_of_any_type_and_order(given: Callable[[Array], Array]) -> None:
+    states, dt, once = np.zeros((3, 13)), np.array([1.0, 2.0, 3.0]), SweepLimits(max_sweeps=1)
+    states[:, 2], states[:, 3] = [1.0, 2.0, 3.0], 1.0
+    rng = np.random.default_rng(7)
+    guesses, gaps, jacobians = (rng.integers(-2, 3, (3, 8, *rest)).astype(float) for rest in ((3,), (), (3, 6)))
+    known, found = (
+        (
+            step(CUBE, CONTACTNETS_CUBE, of(states), of(dt), of(guesses), once),
+            step_at_contacts(CONTACTNETS_CUBE, of(states), of(dt), of(gaps), of(jacobians), of(guesses), once),
+        )
+        for of in (np.array, given)
+    )
+    for one, other in zip(known, found, strict=True):
+        np.testing.assert_array_equal(other.states, one.states)
+        np.testing.assert_array_equal(other.impulses, one.impulses)
 
 
 def test_without_contacts_a_body_falls() -> None:

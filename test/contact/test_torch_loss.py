@@ -36,6 +36,12 @@ def test_theta_goes_to_a_vector_and_back() -> None:
     np.testing.assert_array_equal(theta.with_vector(theta.vector().repeat(5, 1)).vector()[3].numpy(), full_vector(geometry))
 
 
+def test_whole_numbers_are_states_too() -> None:
+    states = np.tile(np.arange(13) == 3, (2, 1))
+    whole, plain = (Frames.of(CUBE, states.astype(kind), states.astype(kind), [1, 2]) for kind in (int, float))
+    assert all(map(torch.equal, whole, plain))
+
+
 def test_gaps_are_those_of_the_geometry() -> None:
     rows, geometry = rows_of_kind("impact"), noisy_geometry(2, pivot=True)
     contacts = contacts_of(Theta.of(geometry), frames())
@@ -148,7 +154,8 @@ def test_a_second_derivative_is_refused_aloud(losses_of: Losses) -> None:
     theta = Theta.of(TRUE)
     vector = theta.vector().requires_grad_()
     losses, _ = losses_of(theta.with_vector(vector))
-    with pytest.raises(InvalidValueError, match="no second derivative"):
+    message = "create_graph: found True, expected False: the loss has no second derivative, since its impulses stay fixed"
+    with pytest.raises(InvalidValueError, match=f"^{message}$"):
         torch.autograd.grad(losses.sum(), vector, create_graph=True)
 
 

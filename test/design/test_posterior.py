@@ -4,11 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from contact_curation.contact.geometry_parameters import INITIAL_NOISE
-from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.contact.parameter_form import Form, moved_geometry, parameter_form
 from contact_curation.design.execution_noise import balanced_draws
 from contact_curation.design.planner import STATED, Planner
 from contact_curation.design.posterior import posterior_draws
@@ -16,7 +13,7 @@ from contact_curation.design.predicted_information import Particle, predicted_in
 from contact_curation.design.releases import Releases
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
-from contact_curation.learning.fits.polytope_sums import moved, physical_difference
+from contact_curation.learning.fits.polytope_sums import physical_difference
 from test.design.cases import CUBE, PARTICLE, SMALL, TRUE, releases
 from test.simulated import simulated_tosses
 
@@ -96,20 +93,6 @@ def test_what_is_left_open_changes_what_is_said_of_throws_and_not_which_are_chos
     bare, informed = (one.plan(["a", "b"], known, 1).throws for one in (planner, planner.with_known([infos])))
     assert {throw.release.tobytes() for throw in bare} == {throw.release.tobytes() for throw in informed}
     assert {throw.expected_information for throw in bare} != {throw.expected_information for throw in informed}
-
-
-@pytest.mark.parametrize(("form", "restitution"), [(Form.PHYSICAL, None), (Form.RIGID, None), (Form.RIGID, 0.3)])
-def test_a_geometry_moves_as_the_model_does(form: Form, restitution: float | None) -> None:
-    geometry = replace(TRUE.rigid() if form is Form.RIGID else TRUE, restitution=restitution)
-    own = parameter_form(geometry, form)
-    step = 0.05 * np.random.default_rng(3).standard_normal(own.size)
-    with torch.no_grad():
-        expected = moved(PolytopeModel(geometry, CUBE, form), step).geometry()
-    found = moved_geometry(geometry, own, step)
-    for name in ("vertices_normal", "vertices_tangent", "normal", "tangents", "height"):
-        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12, err_msg=name)
-    assert found.restitution == (None if restitution is None else pytest.approx(expected.restitution))
-    assert found.noise == geometry.noise
 
 
 def test_copies_of_a_toss_and_tosses_without_information_leave_thetas_that_are_finite(infos: list[TossInformation]) -> None:

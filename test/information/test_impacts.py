@@ -73,11 +73,23 @@ def test_noise_is_no_impact_and_lost_frames_change_nothing_else() -> None:
     assert np.array_equal(merged_impacts(lost, CONTACTNETS_CUBE).dt, lost.dt)
 
 
-def test_a_long_row_of_changes_stays_as_it_is() -> None:
-    heights = np.where(np.arange(20) % 2, 0.5, 0.0)
-    heights[:6] = heights[14:] = 0.0
-    data = transitions(heights)
-    assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt)
+@pytest.mark.parametrize(
+    ("heights", "fewer"),
+    [([0.0, 0.5, 0.0], 2), ([0.0, 0.5, 0.0, 0.5], 0), ([0.0, 0.5, 0.0, 0.5, 0.0], 0), ([0.0, 0.5] * 4, 0)],
+    ids=["three", "four", "five", "eight"],
+)
+def test_only_up_to_three_changes_in_a_row_are_one_impact(heights: list[float], fewer: int) -> None:
+    data = transitions(np.pad(heights, 6, mode="edge"))
+    assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt) - fewer
+
+
+@pytest.mark.parametrize(("jump", "fewer"), [(3.9, 0), (4.1, 1)])
+def test_an_impact_changes_the_velocity_by_five_times_what_gravity_does_beside_gravitys_own_change(
+    jump: float, fewer: int
+) -> None:
+    velocities = np.concatenate([np.zeros(8), [jump, 2.0 * jump], np.full(8, 2.0 * jump)])
+    data = transitions(GRAVITY * DT**2 * np.cumsum(velocities))
+    assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt) - fewer
 
 
 def test_only_a_theta_with_a_restitution_describes_impacts() -> None:

@@ -117,9 +117,11 @@ def test_the_default_is_the_rule_that_training_sets_are_kept_by() -> None:
 
 
 def test_particles_must_hold_the_same_tosses() -> None:
-    with pytest.raises(InvalidValueError, match="different tosses"):
+    with pytest.raises(
+        InvalidValueError, match=r"^parameter particles: found different tosses, expected the same tosses under every particle$"
+    ):
         rank_particles([pool_of(tosses(3, 2, 2, 0)), pool_of(tosses(4, 2, 2, 0))], RankingConfig())
-    with pytest.raises(InvalidValueError, match="particles: found none"):
+    with pytest.raises(InvalidValueError, match=r"^parameter particles: found none, expected at least one$"):
         rank_particles([], RankingConfig())
 
 

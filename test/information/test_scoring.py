@@ -90,6 +90,7 @@ def test_a_factor_is_kept_in_single_precision_and_everything_else_in_double() ->
 def test_a_record_says_what_it_was_made_with() -> None:
     info = scored(TRUE, replace(EMPIRICAL, influence_bound=0.3, form=Form.CONTACTNETS))[0]
     assert (info.estimator, info.influence_bound, info.model, info.body) == ("empirical", 0.3, "polytope", "cube")
+    assert info.parameters_version == parameters_version(TRUE, CUBE)
     assert info.parameters == 57
     assert info.tilt_axes.shape == (0, 3)
     assert info.transitions == TOSSES[0].frames - 1
@@ -167,6 +168,7 @@ def test_a_toss_that_was_begun_is_not_scored_again_but_for_its_last_transition(m
     scorer = Scorer(TRUE, CUBE, ScoringConfig(form=Form.RIGID))
     begun = scorer.begin(unfinished(TOSSES[0]))
     assert begun is not None
+    assert begun.fits(TOSSES[0])
     monkeypatch.setattr(Scorer, "_sums", None)
     assert isinstance(begun.score(TOSSES[0]), TossInformation)
 
@@ -182,6 +184,7 @@ def test_a_toss_that_is_not_the_one_that_was_begun_is_scored_from_the_beginning(
         values[5] += 1e-6
     other = replace(TOSSES[0], **{changed: values})
     assert begun is not None
+    assert not begun.fits(other)
     assert_same_bits(begun.score(other), scorer.score([other])[0])
 
 

@@ -2,14 +2,18 @@
 
 import ctypes
 import subprocess
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
 from contact_curation.contact import time_step
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.compiled import descent, evaluation
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.errors import InvalidValueError, MissingDependencyError
 from contact_curation.solver import compiled, compiled_solver
 from contact_curation.solver.compiled import CHOICE, Kernel, KernelStructure, load_kernel, usable_levels
@@ -45,6 +49,22 @@ def test_every_structure_and_field_has_the_compilers_sizes_and_offsets() -> None
 def test_every_function_that_the_kernel_describes_is_called_in_the_golden_case() -> None:
     names = {line.split()[1] for line in described() if line.startswith("function ")}
     assert {call.function for call in golden_calls()} == names
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda geometry: evaluation.CompiledModel(geometry, CONTACTNETS_CUBE, DEFAULT_LOSS),
+        lambda geometry: time_step.CompiledWorld(geometry, CONTACTNETS_CUBE, time_step.DEFAULT_LIMITS),
+    ],
+)
+def test_a_structure_keeps_alive_what_it_points_to(made: Callable[[ContactGeometry], Any]) -> None:
+    geometry = ContactGeometry.of_body(CONTACTNETS_CUBE)
+    known, structure = weakref.ref(geometry), made(geometry)
+    del geometry
+    kept = known()
+    assert kept is not None
+    assert structure.tangents == kept.tangents.ctypes.data
 
 
 class Wrong(KernelStructure):

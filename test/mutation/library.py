@@ -45,8 +45,8 @@ OUTCOMES = {
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
 """In which the copy's modules come first."""
 DEATHS = ("died", "does not end")
-COPIED = ("bags", "benchmarks", "examples", "msg_defs", "setup.py", "package.xml")
-SCRATCH = "*test_own_*"
+COPIED = ("bags", "benchmarks", "examples", "msg_defs", "setup.py", "package.xml", "CONTRIBUTING.md")
+SCRATCH = "*test_own_criterion*"
 """Tests that work in a copy of their own, which holds no mutant."""
 NOTHING = "contact_curation.of_no_name"
 

@@ -159,6 +159,11 @@ class Model(torch.nn.Module, ABC):
         return self.body.scaled_vertices
 
     @property
+    def precesses(self) -> bool:
+        """Whether its spins precess in the air (method.md 1.2), as the published ones do not."""
+        return False
+
+    @property
     def has_own_friction_vertices(self) -> bool:
         """Whether friction acts at other vertices than those that the gaps depend on; by default not."""
         return False
@@ -231,11 +236,6 @@ class ContactModel(Model):
 
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
         return over_finite_rows(rows, partial(self._batch_loss, config=config))
-
-    @property
-    def precesses(self) -> bool:
-        """Whether its spins precess in the air (method.md 1.2), as the published ones do not."""
-        return False
 
     def outputs(self, rows: Rows, tape: list[LayerTrace] | None = None) -> tuple[Tensor, ...]:
         return self.contacts(Frames.of(self.body, *rows, self.device, precesses=self.precesses), tape)

@@ -144,7 +144,8 @@ def frozen_copy(model: Model) -> Model:
 def forward_pass(model: Model, rows: Rows, config: LossConfig) -> ForwardPass:
     """The forward pass of a `frozen_copy` over B transitions."""
     tape: list[LayerTrace] = []
-    frames, outputs = Frames.of(model.body, *rows, model.device), model.outputs(rows, tape)
+    frames = Frames.of(model.body, *rows, model.device, precesses=model.precesses)
+    outputs = model.outputs(rows, tape)
     known = tuple(value.detach() for value in outputs)
     solutions = model.solve(known, frames, config)
     if solutions is None:

@@ -57,6 +57,25 @@ def test_a_seed_gives_the_same_bytes_and_another_others(kind: str, form: Form) -
     assert bytes_of(model_of(kind, form, seed=4)) != first
 
 
+def test_a_polytope_begins_at_the_described_body_with_the_published_noise() -> None:
+    for form in (Form.CONTACTNETS, Form.PHYSICAL, Form.RIGID):
+        model, rng = model_of("polytope", form, seed=3), np.random.default_rng(3)
+        assert isinstance(model, PolytopeModel)
+        found = model.geometry()
+        own, tangent = (CUBE.scaled_vertices + 0.4 * rng.standard_normal((8, 3)) for _ in range(2))
+        np.testing.assert_allclose(found.vertices_normal, own, rtol=1e-12)
+        np.testing.assert_allclose(found.vertices_tangent, own if form is Form.RIGID else tangent, rtol=1e-12)
+        if form is Form.CONTACTNETS:
+            np.testing.assert_allclose(found.normal, [0.0, 0.0, 1.0] + 0.4 * rng.standard_normal(3), rtol=1e-12)
+            noisy = np.eye(2, 3) + 0.4 * rng.standard_normal((2, 3))
+            np.testing.assert_allclose(found.tangents, CUBE.friction * noisy, rtol=1e-12)
+            continue
+        tilt, factor, height = 0.4 * rng.standard_normal(2), np.exp(0.4 * rng.standard_normal()), 0.4 * rng.standard_normal()
+        np.testing.assert_allclose(found.normal[:2] / found.normal[2], tilt, rtol=1e-12)
+        assert np.linalg.norm(found.tangents, axis=1) == pytest.approx(CUBE.friction * factor, rel=1e-12)
+        assert found.height == pytest.approx(height, rel=1e-12)
+
+
 def test_a_new_model_leaves_torchs_own_generator_alone() -> None:
     torch.manual_seed(5)
     expected = torch.rand(3)
@@ -73,6 +92,11 @@ def test_tensors_and_settings_give_the_model_back(kind: str, form: Form) -> None
     assert bytes_of(again) == bytes_of(model)
     assert torch.equal(again.batch_loss(rows, CONFIG).losses, model.batch_loss(rows, CONFIG).losses)
     assert again.settings() == model.settings()
+
+
+@EVERY
+def test_only_a_polytope_that_is_not_in_the_published_form_has_an_exact_fit(kind: str, form: Form) -> None:
+    assert model_class(kind).has_exact_fit(form) == (kind == "polytope" and form is not Form.CONTACTNETS)
 
 
 def damaged(name: str, value: Array | None) -> dict[str, Array]:
@@ -114,7 +138,9 @@ def test_settings_that_are_missing_or_unknown_are_refused(kind: str, settings: d
 
 @pytest.mark.parametrize("kind", ["deepvertex", "end_to_end"])
 def test_one_transition_is_too_few_to_normalise_by(kind: str) -> None:
-    with pytest.raises(InvalidValueError, match="at least 2 to normalise"):
+    with pytest.raises(
+        InvalidValueError, match=r"^data: found 1 transitions, expected at least 2 to normalise a network's inputs by$"
+    ):
         model_class(kind).initial(CUBE, Form.PHYSICAL, rows_of("impact", 2).take([0]), np.random.default_rng(0))
 
 

@@ -128,7 +128,6 @@ def test_a_model_can_be_given_a_restitution_another_noise_and_shared_vertices() 
     np.testing.assert_array_equal(shared.geometry().vertices_tangent, POINT.vertices_normal)
     for model, form in ((bouncing, Form.RIGID), (noisy, Form.RIGID), (shared, Form.PHYSICAL)):
         assert (model.body, model.form) == (CONTACTNETS_CUBE, form)
-    assert [PolytopeModel.has_exact_fit(form) for form in (Form.CONTACTNETS, Form.PHYSICAL, Form.RIGID)] == [False, True, True]
 
 
 def test_impacts_are_information_about_the_restitution() -> None:

@@ -95,6 +95,7 @@ def test_the_initialisation_is_torchs_own() -> None:
 def test_sizes_that_are_no_network_are_refused(sizes: tuple[int, ...]) -> None:
     with pytest.raises(InvalidValueError, match="sizes"):
         StreamNetwork(sizes)
+    assert StreamNetwork((1, 1)).linear[0].weight.shape == (1, 1)
 
 
 def test_inputs_come_out_with_mean_zero_and_unbiased_deviation_one() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria import TRACE, criterion
-from contact_curation.information.criteria.criterion import Criterion, Need, register
+from contact_curation.information.criteria.criterion import Criterion, Need, moved_by_theta, register
 from contact_curation.information.criteria.explanation import explanation
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import RankingConfig, criterion_named, criterion_names, rank, rank_particles
@@ -42,7 +42,7 @@ def test_only_a_criterion_that_needs_theta_ranks_otherwise_at_another_one(one: C
     others = zip(tosses(40, 6, 4, seed=1), POOL, losses, strict=True)
     elsewhere = [replace(new, duration=old.duration, mean_loss=loss) for new, old, loss in others]
     config = RankingConfig(one.name, top=8)
-    assert (rank(POOL, config).ids != rank(elsewhere, config).ids) == (Need.THETA in one.needs)
+    assert (rank(POOL, config).ids != rank(elsewhere, config).ids) == (Need.THETA in one.needs) == moved_by_theta(one.name)
 
 
 @EVERY

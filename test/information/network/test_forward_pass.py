@@ -8,8 +8,11 @@ import torch
 from torch import Tensor
 
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.models.deep import DeepModel
 from contact_curation.contact.models.end_to_end import EndToEndModel
 from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.registry import model_class
+from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.torch_contacts import Contacts
 from contact_curation.contact.torch_loss import cone_problems
 from contact_curation.geometry.quaternions import Array
@@ -25,6 +28,7 @@ from contact_curation.information.network.forward_pass import (
 )
 from contact_curation.information.network.sketch import ghost_norms, summed_gradient
 from contact_curation.solver.certificate import free_directions, objectives
+from test.contact.test_time_step import lopsided_body
 from test.information.network_cases import NETWORKS, long_scores, network, rows_of, some_not_solved, tosses
 
 
@@ -56,6 +60,15 @@ def test_ghost_norms_and_sums_are_those_of_single_gradients(kind: str, count: in
     np.testing.assert_allclose(traces(found, deltas), np.square(scores).sum(axis=1), rtol=1e-9)
     summed = summed_gradient(found.tape, deltas).numpy()
     np.testing.assert_allclose(summed, scores.sum(axis=0), atol=1e-9 * np.abs(scores).max())
+
+
+def test_a_model_whose_spins_precess_is_scored_by_its_own_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(DeepModel, "precesses", True)
+    rows = impacts(7)
+    model = model_class("deep").initial(lopsided_body(1), Form.PHYSICAL, rows, np.random.default_rng(7))
+    expected, found = model.batch_loss(rows, DEFAULT_LOSS), forward_pass(frozen_copy(model), rows, DEFAULT_LOSS)
+    assert expected.solved.all()
+    np.testing.assert_allclose(found.losses, expected.losses.detach(), rtol=1e-9)
 
 
 @pytest.mark.slow

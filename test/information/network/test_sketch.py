@@ -70,7 +70,9 @@ def test_leading_directions_are_worth_more_than_random_ones() -> None:
         heard = exact > 1e-9 * exact.max()
         return float(np.abs(sketched[heard] / exact[heard] - 1.0).mean())
 
-    assert roughness(SketchConfig()) < 0.3 * roughness(SketchConfig(leading=0, random=24))
+    plain = SketchConfig(leading=0, random=24)
+    assert roughness(SketchConfig()) < 0.3 * roughness(plain)
+    assert scores("deep", plain).sketched.shape == scores("deep", SketchConfig()).sketched.shape
 
 
 @pytest.mark.slow
