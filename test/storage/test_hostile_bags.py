@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
+from time import process_time
 
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
@@ -184,6 +185,27 @@ def test_the_limit_of_that_test_is_felt(tmp_path: Path) -> None:
     command = [sys.executable, "-c", code, str(tmp_path), str(SPARE_BYTES)]
     ended = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120, check=False)
     assert "MemoryError" in ended.stderr
+
+
+CHANNELS = [record(4, struct.pack("<HH", number, 0) + text("/a") + text("cdr") + bytes(4)) for number in range(1 << 16)]
+LOOSE = [record(5, struct.pack("<HIQQ", number, 0, number, number)) for number in range(1 << 15)]
+
+
+@pytest.mark.parametrize(
+    "records",
+    [
+        in_chunk(b"".join(CHANNELS)),
+        HEADER + chunk("", b"", 0) + b"".join(record(7, struct.pack("<HI", number, 0)) for number in range(1 << 16)) + END,
+        HEADER + b"".join(LOOSE) + END,
+    ],
+    ids=["channels in a chunk", "indices of a chunk", "messages without a chunk"],
+)
+def test_the_time_of_reading_grows_with_the_channels_and_not_with_their_square(tmp_path: Path, records: bytes) -> None:
+    (tmp_path / "bag.mcap").write_bytes(MAGIC + records)
+    began = process_time()
+    with BagReader(tmp_path / "bag.mcap") as reader:
+        list(reader.raw_messages())
+    assert process_time() - began < 5.0
 
 
 def test_a_file_gives_no_more_bytes_than_it_has(tmp_path: Path) -> None:
