@@ -12,6 +12,10 @@ MOST_LISTED = 30
 """Names that a message lists."""
 
 
+CONTROLS = {code: f"\\u{code:04x}" for code in (*range(0x20), *range(0x7F, 0xA0)) if chr(code) not in "\t\n\r"}
+"""Control characters, and how they are shown (as in JSON): a name in a recording may contain commands to a terminal."""
+
+
 class ContactCurationError(Exception):
     """Base of every error that a user can cause; `str()` of it is one line.
 
@@ -20,7 +24,7 @@ class ContactCurationError(Exception):
     """
 
     def __str__(self) -> str:
-        return " ".join(super().__str__().split())
+        return " ".join(super().__str__().split()).translate(CONTROLS)
 
     def __reduce__(self) -> tuple[object, ...]:
         return _uninitialised, (type(self), *self.args), self.__dict__

@@ -267,7 +267,7 @@ def _new_folder(path: Path) -> int:
 def _remove_unlocked(left: Path) -> None:
     """Removes a file or folder, unless somebody has it locked or it may not be removed."""
     with suppress(OSError):
-        descriptor = os.open(left, os.O_RDONLY | os.O_NOFOLLOW)
+        descriptor = os.open(left, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)  # a pipe has nobody at its other end
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if left.is_dir():

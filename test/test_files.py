@@ -42,6 +42,12 @@ def test_a_scratch_folder_is_of_one_writer_and_what_a_killed_one_left_is_removed
     assert not list(tmp_path.iterdir())
 
 
+def test_a_pipe_under_a_hidden_name_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / ".a.json.partial-pipe")
+    write_atomically(tmp_path / "a.json", b"{}")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
 def in_a_folder(path: Path) -> None:
     with staged_folder(path):
         pass

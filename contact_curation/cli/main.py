@@ -8,14 +8,16 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
+from typing import Any, TextIO, cast
 
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.report import warn
 from contact_curation.cli.stop_signals import endings_as_interrupt
-from contact_curation.errors import ContactCurationError, NothingFoundError
+from contact_curation.errors import CONTROLS, ContactCurationError, NothingFoundError
 from contact_curation.extras import says_what_to_install
 from contact_curation.version import __version__
 
@@ -75,9 +77,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:  # a process of its own
         gc.disable()  # until everything is imported
     _prepare_streams()
+    with redirect_stdout(cast(TextIO, _Visible(sys.stdout))), redirect_stderr(cast(TextIO, _Visible(sys.stderr))):
+        return _status(sys.argv[1:] if argv is None else list(argv))
+
+
+class _Visible:
+    """A stream of text that shows control characters in place of writing them."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        return self._stream.write(text.translate(CONTROLS))
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+def _status(words: list[str]) -> int:
     try:
         with endings_as_interrupt():
-            return _run(sys.argv[1:] if argv is None else list(argv))
+            return _run(words)
     except ContactCurationError as error:
         if isinstance(error, NothingFoundError):
             warn(error.warnings)

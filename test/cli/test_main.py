@@ -20,6 +20,7 @@ from contact_curation.cli.options.one_line_parser import EXAMPLES
 from contact_curation.cli.rank import command as rank
 from contact_curation.errors import InvalidValueError
 from test.cli.commands import Cli
+from test.storage.written_bags import NOTE, recording, write_mcap
 
 HEAVY = ("argcomplete", "numpy", "torch", "matplotlib", "rosbags", "mcap", "pyarrow", "scipy", "rclpy")
 
@@ -252,6 +253,18 @@ def test_an_output_that_takes_nothing_is_at_most_one_line(where: str, status: in
     assert done.returncode == status
     assert len(done.stderr.splitlines()) == len([says] if says else [])
     assert says in done.stderr
+
+
+COMMANDS = "/poses\x1b[2J\x1b]52;c;cm0=\x07\x9b31m"
+"""A topic whose name erases a terminal's screen, fills its clipboard and colours its text."""
+
+
+def test_names_in_a_recording_send_no_commands_to_a_terminal(cli: Cli, tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "bag.mcap", [one._replace(topic=COMMANDS) for one in recording(20) if one.topic != NOTE])
+    listed, refused = cli("check", path), cli("rank", path, "--topic", "/others")
+    shown = r"/poses\u001b[2J\u001b]52;c;cm0=\u0007\u009b31m"
+    assert (shown in listed.out, shown in refused.err) == (True, True)
+    assert all(character.isprintable() or character == "\n" for one in (listed, refused) for character in one.out + one.err)
 
 
 @pytest.mark.parametrize("encoding", ["ascii", pytest.param("utf-8", marks=pytest.mark.slow)])

@@ -2,12 +2,15 @@
 
 import bz2
 import os
+import shutil
+import sqlite3
 import struct
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
+from time import process_time
 
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
@@ -184,6 +187,27 @@ def test_the_limit_of_that_test_is_felt(tmp_path: Path) -> None:
     assert "MemoryError" in ended.stderr
 
 
+CHANNELS = [record(4, struct.pack("<HH", number, 0) + text("/a") + text("cdr") + bytes(4)) for number in range(1 << 16)]
+LOOSE = [record(5, struct.pack("<HIQQ", number, 0, number, number)) for number in range(1 << 15)]
+
+
+@pytest.mark.parametrize(
+    "records",
+    [
+        in_chunk(b"".join(CHANNELS)),
+        HEADER + chunk("", b"", 0) + b"".join(record(7, struct.pack("<HI", number, 0)) for number in range(1 << 16)) + END,
+        HEADER + b"".join(LOOSE) + END,
+    ],
+    ids=["channels in a chunk", "indices of a chunk", "messages without a chunk"],
+)
+def test_the_time_of_reading_grows_with_the_channels_and_not_with_their_square(tmp_path: Path, records: bytes) -> None:
+    (tmp_path / "bag.mcap").write_bytes(MAGIC + records)
+    began = process_time()
+    with BagReader(tmp_path / "bag.mcap") as reader:
+        list(reader.raw_messages())
+    assert process_time() - began < 5.0
+
+
 def test_a_file_gives_no_more_bytes_than_it_has(tmp_path: Path) -> None:
     (tmp_path / "small").write_bytes(b"abcdef")
     file = BagFile(tmp_path / "small")
@@ -250,6 +274,81 @@ def test_no_damage_ends_in_another_error_than_ours(tmp_path: Path, kind: str) ->
 @pytest.mark.parametrize("kind", SMALL_FORMATS)
 def test_no_damage_of_many_ends_in_another_error_than_ours(tmp_path: Path, kind: str) -> None:
     damage_often(SMALL_FORMATS[kind](tmp_path), 400)
+
+
+# Databases
+
+
+def rollback_journal(database: Path, super_journal: Path) -> bytes:
+    """A journal without pages whose end says that `super_journal` holds the names of the journals of one transaction."""
+    magic, name = bytes.fromhex("d9d505f920a163d7"), os.fsencode(super_journal)
+    head = magic + struct.pack(">5I", 0, 0, database.stat().st_size // 4096, 512, 4096)
+    return head.ljust(512, b"\0") + struct.pack(">I", 0x40001) + name + struct.pack(">2I", len(name), sum(name)) + magic
+
+
+def test_a_journal_deletes_no_file_that_it_names(tmp_path: Path) -> None:
+    path, theirs = SMALL_FORMATS["sqlite3"](tmp_path), tmp_path / "thesis.txt"
+    theirs.write_text("three years")
+    journal = path.with_name("bag.db3-journal")
+    journal.write_bytes(rollback_journal(path, theirs))
+    with BagReader(path) as reader:
+        assert len(list(reader.messages())) == len(SMALL)
+    assert theirs.read_text() == "three years"
+    assert journal.exists()
+
+
+def test_a_transaction_that_was_not_committed_is_rolled_back(tmp_path: Path) -> None:
+    path = SMALL_FORMATS["sqlite3"](tmp_path)
+    with closing(sqlite3.connect(path, isolation_level=None)) as live:
+        live.execute("PRAGMA cache_spill = 1")
+        live.execute("PRAGMA cache_size = 1")
+        live.execute("BEGIN")
+        live.execute("UPDATE messages SET data = zeroblob(5000)")
+        killed = tmp_path / "killed"
+        shutil.copytree(path.parent, killed)
+    assert (killed / "bag.db3-journal").stat().st_size > 0
+    assert (killed / "bag.db3").read_bytes() != path.read_bytes()
+    with BagReader(path) as whole, BagReader(killed / "bag.db3") as rolled_back:
+        assert [m.data for m in rolled_back.raw_messages()] == [m.data for m in whole.raw_messages()]
+
+
+def test_a_device_beside_a_database_is_not_copied(tmp_path: Path) -> None:
+    path = SMALL_FORMATS["sqlite3"](tmp_path)
+    path.with_name("bag.db3-journal").write_bytes(bytes(600))
+    path.with_name("bag.db3-wal").symlink_to("/dev/zero")
+    with BagReader(path) as reader:
+        assert len(list(reader.messages())) == len(SMALL)
+
+
+ENDLESS = "WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c) SELECT x"
+
+
+@pytest.mark.parametrize(
+    ("table", "statements"),
+    [
+        (
+            "message_definitions",
+            (
+                "DROP TABLE IF EXISTS message_definitions; CREATE VIEW message_definitions AS "
+                f"{ENDLESS} AS topic_type, '' AS encoded_message_definition, '' AS encoding FROM c"
+            ),
+        ),
+        ("topics", "DROP TABLE topics; CREATE VIRTUAL TABLE topics USING fts5(id, name, type, serialization_format)"),
+        (
+            "messages",
+            (
+                "DROP TABLE messages; CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, "
+                "data BLOB AS (zeroblob(1000000000)))"
+            ),
+        ),
+    ],
+)
+def test_a_database_that_computes_its_rows_is_refused(tmp_path: Path, table: str, statements: str) -> None:
+    path = SMALL_FORMATS["sqlite3"](tmp_path)
+    with closing(sqlite3.connect(path)) as database:
+        database.executescript(statements)
+    with pytest.raises(UnreadableInputError, match=f"its {table} are computed|no tables topics"):
+        BagReader(path)
 
 
 # Not a bag at all

@@ -5,6 +5,7 @@ from collections import Counter
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from contact_curation.errors import CONTROLS
 from contact_curation.motion.toss import NANOSECONDS
 
 PAUSE = 30.0
@@ -32,4 +33,4 @@ class ThrottledWarnings:
         if last is None or now - last >= PAUSE * NANOSECONDS:
             self._said[kind] = now
             again = f" ({self._counts[kind]} times so far)" if last is not None else ""
-            self._logger.warning(f"{kind}: {what}{again}; dropped")
+            self._logger.warning(f"{kind}: {what}{again}; dropped".translate(CONTROLS))

@@ -13,7 +13,7 @@ from math import cos, pi, sin
 from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.errors import UnreadableInputError
+from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.writer import BagWriter
@@ -29,6 +29,8 @@ UPRIGHT = {
 
 BETWEEN_NS = NANOSECONDS
 """Time without poses before a recording that is moved behind the one before it."""
+LATEST_NS = (1 << 31) * NANOSECONDS
+"""Of a stamp of ROS, whose seconds have 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,9 @@ class PoseWriter:
                 first_ns = stamp_ns
                 offset_ns = 0 if stamp_ns > before_ns else before_ns + BETWEEN_NS - stamp_ns
             count, moved_ns = count + 1, stamp_ns + offset_ns
+            if moved_ns >= LATEST_NS:
+                latest = LATEST_NS / NANOSECONDS
+                raise InvalidValueError("times", f"{moved_ns / NANOSECONDS:g} s", f"less than {latest:g} s, as in ROS")
             self._bag.write(self._topic, self._messages.odometry(moved_ns, compose(self._upright, pose)), moved_ns)
             self._last_ns = max(self._last_ns, moved_ns)
         self.poses, self.moved = self.poses + count, self.moved + (offset_ns != 0)

@@ -47,7 +47,7 @@ LARGEST_STEP = {"s": 0.5, "ms": 0.5e3, "us": 0.5e6}
 LOOKED_AT = 1000
 """Rows that tell the unit of the times."""
 
-LARGEST_TIME = Decimal(1 << 62)
+LARGEST_TIME, SLOWEST_RATE = Decimal(1 << 62), 1e-3
 COMMENTS, SEPARATORS = ("#", "%"), (";", "\t", ",", None)
 SHOWN = 12
 """Names of columns in a message."""
@@ -87,11 +87,15 @@ class PoseTable:
 
     def __init__(self, path: Path, rate: float | None = None) -> None:
         self.path, self.named, self.left_out = path, True, (0, "")
+        if path.exists() and not path.is_file():
+            raise UnreadableInputError(path, "is no regular file, expected one: it is read several times")
         self._columns = self._header()
         if rate is None and self._columns.time is None:
             raise InvalidValueError("rate", f"none, and no times in {path}", "poses in a second (--rate)")
         if rate is not None and self._columns.time is not None:
             raise InvalidValueError("rate", f"{rate:g}, and times in {path}", "no rate where times are known")
+        if rate is not None and not rate >= SLOWEST_RATE:
+            raise InvalidValueError("rate", f"{rate:g}", f"at least {SLOWEST_RATE:g} poses in a second")
         self._period_ns = None if rate is None else NANOSECONDS / rate
         self._unit = self._columns.time_unit or (1 if rate is not None else self._unit_by_steps())
 

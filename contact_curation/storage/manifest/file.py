@@ -21,6 +21,7 @@ from types import NoneType
 from typing import Any, NamedTuple
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
@@ -274,19 +275,47 @@ def from_parquet(data: bytes) -> Parsed:
     """Reads what `to_parquet` wrote.
 
     Raises:
-        ValueError: there are more rows than a manifest may have.
+        ValueError: there are more rows, reasons or text than a manifest may have.
     """
-    rows = pq.read_metadata(BytesIO(data)).num_rows  # a small file can declare any number of rows
+    file = pq.ParquetFile(BytesIO(data), page_checksum_verification=True)
+    held = file.metadata
+    groups = [held.row_group(number) for number in range(held.num_row_groups)]
+    values = [sum(group.column(number).num_values for group in groups) for number in range(held.num_columns)]
+    rows = max(held.num_rows, *values)  # a small file can declare any number of rows, and of reasons in a row
     most = min(MOST_ROWS, 2 * len(data))  # each row has its own name and times, even if compressed
     if rows > most:
         raise ValueError(f"found {rows} rows, expected at most {most} in {len(data)} bytes")
-    table = pq.read_table(BytesIO(data), page_checksum_verification=True)
-    head = json.loads((table.schema.metadata or {})[METADATA_KEY])
-    return head, (row_of(row) for row in table.to_pylist())
+    texts = [column.path for column in file.schema if column.physical_type == "BYTE_ARRAY"]
+    head = (file.schema_arrow.metadata or {}).get(METADATA_KEY)
+    if head is None:
+        raise ValueError("it has no metadata contact_curation, which other programs leave out: give the file that rank wrote")
+    return json.loads(head), _parquet_rows(
+        pq.ParquetFile(BytesIO(data), page_checksum_verification=True, read_dictionary=texts)
+    )
+
+
+def _parquet_rows(file: pq.ParquetFile) -> Iterator[ManifestRow]:
+    """The rows; a text that is stored once can stand in any number of rows, so it is counted before it is repeated."""
+    size = 0
+    for batch in file.iter_batches(ROWS_AT_ONCE):
+        size += sum(map(_text_bytes, batch.columns))
+        if size > LARGEST_BYTES:
+            raise ValueError(f"its text has more than {LARGEST_BYTES} bytes")
+        yield from map(row_of, batch.to_pylist())
+
+
+def _text_bytes(column: pa.Array) -> int:
+    """Bytes of the text in a column."""
+    values = column.flatten() if pa.types.is_list(column.type) or pa.types.is_large_list(column.type) else column
+    if not isinstance(values, pa.DictionaryArray):
+        return int(values.nbytes)
+    return int(pc.sum(pc.binary_length(values.dictionary).take(values.indices)).as_py() or 0)
 
 
 LARGEST_BYTES = 1 << 31
-"""Largest manifest file [bytes]."""
+"""Largest manifest file, and text in it [bytes]."""
+ROWS_AT_ONCE = 4096
+"""Number of rows of a Parquet file in memory as Python objects, beside those that were made of them."""
 MOST_ROWS = 10_000_000
 """Largest number of rows of a manifest."""
 AROUND = 20

@@ -1,5 +1,6 @@
 """The manifest of a ranking: every toss with its rank and the evidence for it, or with the reason why it has none."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -78,9 +79,9 @@ class Manifest:
     diagnostics: Mapping[str, Diagnostic] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if len({row.toss_id for row in self.rows}) != len(self.rows):
-            ids = [row.toss_id for row in self.rows]
-            raise InvalidValueError("manifest", f"toss {next(i for i in ids if ids.count(i) > 1)} twice", "each toss once")
+        counts = Counter(row.toss_id for row in self.rows)
+        if len(counts) != len(self.rows):
+            raise InvalidValueError("manifest", f"toss {counts.most_common(1)[0][0]} twice", "each toss once")
 
     @cached_property
     def selected(self) -> tuple[ManifestRow, ...]:

@@ -1,5 +1,6 @@
 """`import poses`: tables of poses, as other programs write them, give the tosses of the bag that they came from."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +117,9 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
         ("t,x,y,z,qx,qy,qz,qw\n1,0,0,1,0,0,0,1\n", ["--rate", "50"], "rate: found 50, and times in"),
         ("t,x,y,z,qx,qy,qz,qw\n1,0,0,1,0,0,0,?\n", [], "found no pose (line 2: found '?', expected a number)"),
         ("t,x,y,z,qx,qy,qz,qw\n1e99,0,0,1,0,0,0,1\n", [], "found no pose (line 2: found no time)"),
+        ("t,x,y,z,qx,qy,qz,qw\n1e9999999,0,0,1,0,0,0,1\n", [], "found no pose (line 2: found no time)"),
+        ("t,x,y,z,qx,qy,qz,qw\n3e18,0,0,1,0,0,0,1\n", [], "times: found 3e+18 s, expected less than 2.14748e+09 s"),
+        ("x,y,z,qx,qy,qz,qw\n" + "0,0,1,0,0,0,1\n" * 2, ["--rate", "1e-300"], "rate: found 1e-300, expected at least 0.001"),
         ("t,x,y,z,qx,qy,qz,qw\n5,0,0,1,0,0,0,1\n-9,0,0,1,0,0,0,1\n", [], "log time of a message on /tagslam/odom/body_cube"),
     ],
 )
@@ -127,6 +131,13 @@ def test_what_is_no_table_of_poses_is_one_line_and_leaves_no_bag(
     assert (done.status, done.out, done.err.count("\n")) == (1, "", 1)
     assert said in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["poses.csv"]
+
+
+def test_a_pipe_is_refused_because_it_is_read_several_times(cli: Cli, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "poses.csv")
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap")
+    assert (done.status, done.err.count("\n")) == (1, 1)
+    assert "is no regular file, expected one: it is read several times" in done.err
 
 
 def test_a_file_that_is_not_there_is_one_line(cli: Cli, tmp_path: Path) -> None:

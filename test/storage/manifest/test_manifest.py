@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -323,6 +324,48 @@ def test_a_table_that_claims_a_billion_rows_is_refused_before_it_is_read(tmp_pat
     assert path.stat().st_size < 100_000
     with pytest.raises(UnreadableInputError, match="found 10000001 rows, expected at most"):
         read_manifest(path)
+
+
+def written_with(path: Path, column: str, values: pa.Array) -> Path:
+    """A manifest whose first toss is repeated for the values of a column."""
+    write_manifest(MANIFEST, path)
+    table = pq.read_table(path).take([0] * len(values))
+    place = table.schema.get_field_index(column)
+    changed = table.set_column(place, column, values).replace_schema_metadata(pq.read_schema(path).metadata)
+    pq.write_table(changed, path, compression="zstd")
+    return path
+
+
+def test_a_row_with_millions_of_reasons_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    reasons = pa.ListArray.from_arrays(pa.array([0, 3_000_000], pa.int32()), pa.repeat("gap", 3_000_000))
+    path = written_with(tmp_path / "manifest.parquet", "reasons", reasons)
+    assert path.stat().st_size < 100_000
+    with pytest.raises(UnreadableInputError, match="found 3000000 rows, expected at most"):
+        read_manifest(path)
+
+
+def test_a_long_text_that_is_stored_once_and_stands_in_many_rows_is_refused(tmp_path: Path) -> None:
+    inputs = pa.DictionaryArray.from_arrays(pa.array([0] * 3000, pa.int32()), pa.array(["a" * 1_000_000]))
+    path = written_with(tmp_path / "manifest.parquet", "input", inputs)
+    assert path.stat().st_size < 100_000
+    with pytest.raises(UnreadableInputError, match="its text has more than 2147483648 bytes"):
+        read_manifest(path)
+
+
+def test_a_table_that_another_program_saved_without_its_metadata_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "manifest.parquet"
+    write_manifest(MANIFEST, path)
+    pq.write_table(pq.read_table(path).replace_schema_metadata(None), path)
+    with pytest.raises(UnreadableInputError, match="has no metadata contact_curation, which other programs leave out"):
+        read_manifest(path)
+
+
+def test_the_last_of_many_tosses_that_is_there_twice_is_named_at_once() -> None:
+    rows = [replace(RANKED, toss_id=str(number)) for number in (*range(200_000), 199_999)]
+    began = process_time()
+    with pytest.raises(InvalidValueError, match="toss 199999 twice"):
+        Manifest(RUN, tuple(rows), {})
+    assert process_time() - began < 10.0
 
 
 def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:

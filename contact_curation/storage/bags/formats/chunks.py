@@ -5,6 +5,7 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from operator import attrgetter
 
 from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses, unpack, unpack_some
@@ -34,7 +35,7 @@ class Chunk:
     crc: int
     start_ns: int
     end_ns: int
-    counts: Mapping[int, int] | None
+    counts: dict[int, int] | None
     whole: bool = True
 
 
@@ -61,9 +62,14 @@ class Declarations:
 
     def wanted(self, topics: Collection[str] | None) -> dict[int, Channel | None]:
         """The channels by id; None for channels whose topic is not in `topics` (None for all topics)."""
-        return {
-            number: channel if topics is None or channel.topic in topics else None for number, channel in self.channels.items()
-        }
+        wanted: dict[int, Channel | None] = {}
+        self.add_wanted(topics, wanted)
+        return wanted
+
+    def add_wanted(self, topics: Collection[str] | None, wanted: dict[int, Channel | None]) -> None:
+        """Adds to what `wanted` returned the channels that were declared since."""
+        for number, channel in islice(reversed(self.channels.items()), len(self.channels) - len(wanted)):
+            wanted[number] = channel if topics is None or channel.topic in topics else None
 
 
 ParseChunk = Callable[[bytes, Collection[str] | None], ParsedChunk]

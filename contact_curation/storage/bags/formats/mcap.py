@@ -122,8 +122,11 @@ class McapWalk:
     def _take_index(self, start: int) -> None:
         """Reads from an index record the messages per channel of the chunk before it."""
         channel, size = INDEX_HEAD.unpack(self._file.read(start, INDEX_HEAD.size))
-        counts = {**(self.chunks[-1].counts or {}), channel: size // INDEX_ENTRY}
-        self.chunks[-1] = replace(self.chunks[-1], counts=counts)
+        counts = self.chunks[-1].counts
+        if counts is None:
+            counts = {}
+            self.chunks[-1] = replace(self.chunks[-1], counts=counts)
+        counts[channel] = size // INDEX_ENTRY
 
     def _take_message(self, start: int, length: int) -> None:
         """Adds a message outside chunks to the present run, or starts a new run with it."""
@@ -132,8 +135,8 @@ class McapWalk:
         run = self._loose
         if run is not None and end - run.offset <= LOOSE_RUN_BYTES:
             size, first, last = end - run.offset, min(run.start_ns, log_time), max(run.end_ns, log_time)
-            counts = Counter(run.counts)
-            counts[channel] += 1
+            counts = {} if run.counts is None else run.counts
+            counts[channel] = counts.get(channel, 0) + 1
             self._loose = replace(run, stored=size, unpacked=size, start_ns=first, end_ns=last, counts=counts)
             return
         self._end_loose_run()

@@ -101,7 +101,7 @@ def parse_chunk(data: bytes, topics: Collection[str] | None, declarations: McapD
                     undeclared += number not in wanted
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 declarations.declare(opcode, data[start:end])
-                wanted = declarations.wanted(topics)
+                declarations.add_wanted(topics, wanted)
         except (DamagedBagError, struct.error) as error:
             return ParsedChunk(messages, undeclared, f"its record at byte {position} is damaged: {error}")
         position = end

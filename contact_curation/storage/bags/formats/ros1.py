@@ -106,7 +106,7 @@ def parse_chunk(data: bytes, topics: Collection[str] | None, declarations: Decla
             body = read(record.data_at, record.size)
             if record.operation == CONNECTION:
                 declare_connection(record, body, declarations)
-                wanted = declarations.wanted(topics)
+                declarations.add_wanted(topics, wanted)
             elif record.operation == MESSAGE:
                 number, time_ns = record.number(b"conn"), _time_ns(record)
                 channel = wanted.get(number)
@@ -248,7 +248,8 @@ class _Ros1Walk:
         first, last = int(times.min()), int(times.max())
         if chunk.counts is not None:
             first, last = min(first, chunk.start_ns), max(last, chunk.end_ns)
-        counts = {**(chunk.counts or {}), record.number(b"conn"): int(entries.size)}
+        counts = {} if chunk.counts is None else chunk.counts
+        counts[record.number(b"conn")] = int(entries.size)
         self.chunks[-1] = replace(chunk, start_ns=first, end_ns=last, counts=counts)
 
 

@@ -20,10 +20,18 @@ LARGEST_ROW = 1_000_000_000
 ROWS = 512
 """Messages returned at a time."""
 TABLES = ("topics", "messages")
+DEFINITIONS = "message_definitions"
+"""Table that databases of older releases lack."""
+COMPUTED = """SELECT (SELECT count(*) FROM sqlite_master WHERE name = :table AND type IN ('table', 'view') AND rootpage = 0)
+                   + (SELECT count(*) FROM pragma_table_xinfo(:table) WHERE hidden)"""
+"""Counts views, virtual tables and generated columns of that name."""
 SQLITE_ERRORS = (sqlite3.Error, UnicodeDecodeError, MemoryError)
 """Errors of damaged files: even SQLite's error messages may not be valid text, and a row may declare a wrong size."""
-UNFINISHED = ("-wal", "-journal")
+JOURNAL = "-journal"
+UNFINISHED = ("-wal", JOURNAL)
 """Endings of files that SQLite leaves beside a database whose writer was killed; they contain part of the messages."""
+JOURNAL_END = bytes(16)
+"""Behind a journal, so that SQLite sees no super-journal named at its end: it would delete the file of that name."""
 
 
 class SqliteStorage:
@@ -116,9 +124,10 @@ class SqliteStorage:
         return connection
 
     def _check_tables(self) -> None:
-        """Checks that topics and messages are plain tables; a database that is cut short is opened, too.
+        """Checks that topics and messages are tables, and that all tables are plain; one that is cut short is opened, too.
 
-        SQLite refuses a file that is too short, unless writable_schema is set.
+        What is computed (views, virtual tables, generated columns) can have any size. SQLite refuses a file that is too short,
+        unless writable_schema is set.
         """
         query = "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND name IN (?, ?)"
         self._connection.execute("PRAGMA trusted_schema = OFF")
@@ -130,12 +139,19 @@ class SqliteStorage:
             self._losses.say((self.name, "cut"), f"{self.name}: damaged or cut short, read as far as it goes: {error}")
         if tables != len(TABLES):
             raise sqlite3.DatabaseError(f"it has no tables {' and '.join(TABLES)}")
+        for table in (*TABLES, DEFINITIONS):
+            (computed,) = self._connection.execute(COMPUTED, {"table": table}).fetchone()
+            if computed:
+                raise sqlite3.DatabaseError(f"its {table} are computed, expected a table with what was recorded")
 
     def _copy(self, path: Path) -> Path:
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
         for ending in ("", *UNFINISHED):
-            if (source := _beside(path, ending)).exists():
+            if (source := _beside(path, ending)).is_file():  # a device has no end
                 shutil.copyfile(source, folder / source.name)
+        if (journal := _beside(folder / path.name, JOURNAL)).exists():
+            with journal.open("ab") as file:
+                file.write(JOURNAL_END)
         return folder / path.name
 
     def _declared(self) -> dict[int, Channel]:
@@ -159,9 +175,9 @@ class SqliteStorage:
 
     def _definitions(self) -> dict[str, tuple[str, str]]:
         """Schema and its encoding by type name."""
-        if not self._connection.execute("PRAGMA table_info(message_definitions)").fetchall():
+        if not self._connection.execute(f"PRAGMA table_info({DEFINITIONS})").fetchall():
             return {}
-        query = "SELECT topic_type, encoded_message_definition, encoding FROM message_definitions"
+        query = f"SELECT topic_type, encoded_message_definition, encoding FROM {DEFINITIONS}"
         return {str(kind): (str(text), str(encoding)) for kind, text, encoding in self._connection.execute(query)}
 
 
