@@ -29,7 +29,14 @@ def add_options(parser: OneLineParser) -> None:
     parser.add_argument("--loop", action="store_true", help="begin again at the end")
     parser.add_argument("--start-offset", type=number_from_zero, default=0.0, metavar="S", help="seconds to skip at the start")
     parser.add_argument("--clock", type=positive_number, default=0.0, metavar="HZ", help="publish /clock at this rate")
-    parser.add_argument("--topics", nargs="+", action="extend", default=[], metavar="TOPIC", help="only these topics")
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="TOPIC",
+        help="only these topics (default: all but results of the nodes)",
+    )
     parser.add_argument(
         "--remap", nargs="+", action="extend", default=[], type=_remapping, metavar="OLD:=NEW", help="rename topics"
     )

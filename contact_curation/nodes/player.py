@@ -66,7 +66,7 @@ class Player(StageNode):
         self._history = declare(self, "history", 30000, "messages per topic that late subscribers still get; 0: as recorded",
                                 bounds=(0, 1 << 20))  # fmt: skip
         self._burst = BURST if self._fast else self._history // 2  # before the history drops what was not received
-        wanted = [name for name in declare(self, "topics", [""], "topics to play; empty: all") if name]
+        wanted = [name for name in declare(self, "topics", [""], "topics to play; empty: all but results of the nodes") if name]
         renamed = [pair for pair in declare(self, "remap", [""], "topics to rename, as old:=new") if pair]
         hertz = declare(self, "clock", 0.0, "rate of /clock [Hz]; 0: none", bounds=(0.0, 1e4))
         self._recorded_time = PlaybackClock(rate, declare(self, "start_paused", False, "wait for a call of ~/resume"))
@@ -75,7 +75,14 @@ class Player(StageNode):
         if not path:
             raise InvalidValueError("parameter bag", "nothing", "the path of a recording")
         self._reader = BagReader(Path(path))
-        self._outlets = self._advertised(played_topics(self._reader, wanted), new_names(self._reader, renamed))
+        played = played_topics(self._reader, wanted, own_clock=hertz > 0.0)
+        left_out = [one.name for one in self._reader.topics if one.name not in played]
+        if left_out and not wanted:
+            self.get_logger().info(
+                f"left out: {', '.join(left_out)}; results of nodes, and a clock beside the player's own, are played only "
+                "where the parameter topics names them"
+            )
+        self._outlets = self._advertised(played, new_names(self._reader, renamed))
         self._playback = Playback(self._reader, self._recorded_time, self._now, offset, loop=loop, fast=self._fast)
         self._triggers()
         if hertz:

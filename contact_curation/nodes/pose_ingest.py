@@ -78,6 +78,7 @@ class PoseIngest(ManagedNode):
         self._warnings = ThrottledWarnings(self)
         self._inbox = Inbox[Received](MOST_WAITING, self.context.ok)
         self._received, self._on_topic, self._flow, self._dropped = Rate(), 0, Flow(), ""
+        self._newest_ns: int | None = None
         self._journal: IngestJournal | None = None
         self._ingest: TossIngest | None = None
         self._tracker = RIG
@@ -143,7 +144,13 @@ class PoseIngest(ManagedNode):
             read = [self._topics.read(one) for one in self._inbox.take(BATCH)]
             arrivals = [Arrival(topic, published_ns, one) for topic, published_ns, measured in read for one in measured]
             if arrivals:
+                self._newest_ns = self._newest_stamp_ns(arrivals)
                 self._store_and_announce(self._journal, arrivals)
+
+    def _newest_stamp_ns(self, arrivals: Sequence[Arrival]) -> int | None:
+        """The stamp of the newest measurement on the body's topic so far."""
+        topic = "" if self._topics.source is None else self._topics.source.body.name
+        return next((one.measured.stamp_ns for one in reversed(arrivals) if one.topic == topic), self._newest_ns)
 
     def _store_and_announce(self, journal: IngestJournal, arrivals: Sequence[Arrival]) -> None:
         happened = journal.take(arrivals)
@@ -219,23 +226,24 @@ class PoseIngest(ManagedNode):
         if fault := self._fault():
             return Health(f"{topic}: {fault}", values, warning=True, waiting_for=f"usable poses on {topic}: {fault}")
         missing = "" if self._received.count and self._topics.has_publisher else awaited(self, "poses", topic)
+        if not (missing or self._store.last_sequence or self._store.last_rejected_sequence):
+            missing = f"a first toss on {topic}; if there was one, record it: contact-curation check BAG says what is wrong"
         return Health(f"{rate:.0f} messages/s from {topic}", values, warning=rate == 0.0, waiting_for=missing)
 
     def _fault(self) -> str:
         """What is wrong with messages that come; empty for nothing."""
         poses = 0 if self._ingest is None else self._ingest.counts["poses"]
-        rates = self._flow.look(self._on_topic, poses, self._steady.now().nanoseconds / NANOSECONDS)
-        if rates is None:
+        flowing = self._flow.look(self._on_topic, poses, self._newest_ns, self._steady.now().nanoseconds / NANOSECONDS)
+        if flowing is None:
             return ""
-        messages, placed = rates
-        if not placed:
+        if not flowing.share:
             name, frame = self._body.name, self._poses.body_frame_of(self._body.name)
             why = (
                 self._dropped or f"no transform leads from their frame to '{self._poses.board_frame}', or none is of '{frame}'"
             )
-            return f"none of {messages:.0f} messages/s gives a pose of {name} on the board: {why}"
-        if placed < LOWEST_RATE and placed > MOSTLY * messages:
-            return f"poses come at {placed:.3g} Hz, expected 60 Hz or more: tosses may go unseen"
+            return f"none of {flowing.messages:.0f} messages/s gives a pose of {name} on the board: {why}"
+        if flowing.poses < LOWEST_RATE and flowing.share > MOSTLY:
+            return f"poses come at {flowing.poses:.3g} Hz by their stamps, expected 60 Hz or more: tosses may go unseen"
         return ""
 
 

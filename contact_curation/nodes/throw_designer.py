@@ -102,15 +102,18 @@ class ThrowDesigner(StageNode):
         auto = self.get_parameter("auto").value
         if self._to_send is not None:
             message, self._to_send = self._to_send, None
-            self._goals.send(message) if auto else self._told(Outcome(None, "auto was turned off"))
+            if auto and not self._goals.missing:
+                self._goals.send(message)
+            else:
+                self._told(Outcome(None, f"waiting for {self._goals.missing}" if auto else "auto was turned off"))
         if auto and not self._missing and not self._goals.busy and self._loop.due():
             self._worker.do(self._throw_next)
 
     @property
     def _missing(self) -> str:
         """What the next throw has to wait for; empty for nothing."""
-        if not self._goals.ready:
-            return "a thrower (action execute_throw)"
+        if missing := self._goals.missing:
+            return missing
         tracked = self._tracked and self.count_publishers("tracked") > 0
         return "" if tracked or not self._awaits_tracker else "a tracker (topic tracked of pose_ingest)"
 

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 from action_msgs.msg import GoalStatus
@@ -38,6 +39,7 @@ class ThrowGoals:
 
     def __init__(self, node: Node, told: Callable[[Outcome], None], patience: float) -> None:
         self._client = ActionClient(node, ExecuteThrow, "execute_throw")
+        self._servers = partial(node.count_services, node.resolve_service_name("execute_throw/_action/send_goal"))
         self._told = told
         self._patience = patience
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -47,9 +49,12 @@ class ThrowGoals:
         self._number = 0
 
     @property
-    def ready(self) -> bool:
-        """Whether a thrower serves the action."""
-        return bool(self._client.server_is_ready())
+    def missing(self) -> str:
+        """What the next goal has to wait for; empty for nothing. A goal goes to all servers of its action at once."""
+        if not self._client.server_is_ready():
+            return "a thrower (action execute_throw)"
+        servers = self._servers()
+        return "" if servers <= 1 else f"a single thrower: found {servers} servers of execute_throw, which would all throw"
 
     @property
     def busy(self) -> bool:
@@ -71,7 +76,7 @@ class ThrowGoals:
             if self._heard_ns is None:
                 return
             waited = (self._clock.now().nanoseconds - self._heard_ns) / NANOSECONDS
-            gone = not self.ready
+            gone = not self._client.server_is_ready()
             handle = self._handle
         if gone or waited > self._patience:
             if handle is not None and not gone:

@@ -11,6 +11,11 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import RawMessage
 
+RESULTS = "contact_curation_msgs/"
+"""Beginning of the types of the nodes' results. Recorded ones mix with those that live nodes compute."""
+
+CLOCK = "rosgraph_msgs/msg/Clock"
+
 
 class PlaybackClock:
     """Maps recorded time to the steady clock; may be used from several threads.
@@ -199,8 +204,13 @@ class Playback:
         return offset
 
 
-def played_topics(reader: BagReader, wanted: Sequence[str]) -> dict[str, str]:
-    """The types of the recorded topics that are to be played, by name; all of them where none is wanted.
+def played_topics(reader: BagReader, wanted: Sequence[str], *, own_clock: bool = False) -> dict[str, str]:
+    """The types of the recorded topics that are to be played, by name.
+
+    Args:
+        reader: of the recording.
+        wanted: topics to play; empty: all but results of the nodes and, beside an own clock, recorded clocks.
+        own_clock: whether the player publishes a clock itself.
 
     Raises:
         MissingTopicError: a topic is wanted that was not recorded.
@@ -209,7 +219,10 @@ def played_topics(reader: BagReader, wanted: Sequence[str]) -> dict[str, str]:
     missing = sorted(set(wanted) - set(recorded))
     if missing:
         raise MissingTopicError(reader.path, ", ".join(missing), list(recorded))
-    return {name: kind for name, kind in recorded.items() if not wanted or name in wanted}
+    if wanted:
+        return {name: recorded[name] for name in recorded if name in wanted}
+    made_anew = (RESULTS, CLOCK) if own_clock else (RESULTS,)
+    return {name: kind for name, kind in recorded.items() if not kind.startswith(made_anew)}
 
 
 def new_names(reader: BagReader, pairs: Sequence[str]) -> Mapping[str, str]:

@@ -81,6 +81,9 @@ class ScoringStage:
         self._scorer = self._checked(scorer_of(known, body, config))
         self._begun: BegunToss | None = None
         self._foreseen: _Foreseen | None = None
+        position = load_record(self._states.load, ScorerPosition)
+        if position is not None and position.version != self.version:  # started with another body, or other parameters
+            self._score_anew()
         informations.reach_disk()  # what was stored and not announced will be
 
     @property
@@ -111,11 +114,15 @@ class ScoringStage:
         if scorer.version == self.version:
             self._states.save(NOTHING_NEXT)
             return False
-        self._informations.drop_version(scorer.version)
         self._states.save({PARAMETERS: theta.data, MODEL: theta.model.encode(), **NOTHING_NEXT})
         self._scorer, self._begun, self._foreseen = scorer, None, None
-        self._informations.keep_newest_versions(MOST_VERSIONS)
+        self._score_anew()
         return True
+
+    def _score_anew(self) -> None:
+        """Drops what is kept of this theta from an earlier time, and information that is too old."""
+        self._informations.drop_version(self.version)
+        self._informations.keep_newest_versions(MOST_VERSIONS)
 
     def postpone(self, theta: ScoredTheta) -> None:
         """Remembers the theta to go on with once all tosses are scored at the present one; the newest replaces the others.

@@ -12,6 +12,7 @@ from contact_curation_msgs.srv import ProposeThrow
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.action import ActionServer, GoalResponse
 from rclpy.task import Future
 from std_msgs.msg import Header
 
@@ -27,7 +28,7 @@ from contact_curation.nodes.throw_designer import MOST_PROPOSALS
 from contact_curation.stages.records import ThrowLogRecord, ThrowRecord, load_record
 from contact_curation.storage.stores.state import StateStore
 from test.cli.commands import write_parameters
-from test.graph.parts.graph import Graph
+from test.graph.parts.graph import Graph, Listener
 from test.graph.parts.instant_thrower import Thrower, settled
 
 LONG = 90.0
@@ -222,6 +223,21 @@ def test_a_designer_that_can_plan_no_throw_says_so_at_level_warn(graph: Graph) -
 
     graph.until(warned, LONG, "a warning")
     assert not thrower.commands
+
+
+def test_beside_a_second_thrower_no_throw_is_commanded(graph: Graph) -> None:
+    thrower, second = Thrower(graph.listener), Listener(graph.domain)
+    reject = Mock(return_value=GoalResponse.REJECT)
+    server = ActionServer(second.node, ExecuteThrow, "execute_throw", Mock(), goal_callback=reject)
+    heard = graph.diagnostics()
+    started(graph, auto=True, max_throws=1, **trusted(graph))
+    why = "0 throws made, waiting for a single thrower: found 2 servers of execute_throw, which would all throw"
+    graph.until(lambda: any(one.message == why for array in list(heard) for one in array.status), LONG, "a warning")
+    settled(1.0)
+    assert not (thrower.commands or reject.called)
+    second.close()
+    server.destroy()
+    graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a throw")
 
 
 def test_a_throw_whose_toss_does_not_come_is_told_and_followed_by_the_next(graph: Graph) -> None:

@@ -19,6 +19,7 @@ from contact_curation.nodes.ros.health import (
     LOOKS,
     PERIOD,
     Flow,
+    Flowing,
     Health,
     HealthReport,
     Waiting,
@@ -55,6 +56,13 @@ def test_a_short_wait_says_nothing_and_a_long_one_speaks_ever_more_seldom() -> N
     assert log.after(3600.0, "poses") == 1 + 6 + 4  # after 10, 20, ..., 320 s and then every ten minutes
     before = len(log.lines)
     assert log.after(LONGEST_PAUSE, "poses") - before == 1
+
+
+def test_what_differs_only_in_a_rate_is_waited_for_on() -> None:
+    log = Log()
+    for rate in ("14.2", "1e+03", "15", "14.7", "14.8", "15"):
+        log.after(1.0, f"usable poses: they come at {rate} Hz")
+    assert log.lines == ["waiting for usable poses: they come at 15 Hz"]
 
 
 def test_what_came_is_no_longer_waited_for_and_another_thing_is_said_anew() -> None:
@@ -119,7 +127,17 @@ def test_the_aggregator_groups_every_status_once_in_any_namespace() -> None:
 
 
 def test_rates_are_known_after_some_looks_between_which_messages_came_each_time() -> None:
+    flow, second = Flow(), 10**9
+    found = [flow.look(100 * place, 10 * place, place * second, float(place)) for place in range(LOOKS + 2)]
+    assert found == [None] * LOOKS + [Flowing(100.0, 0.1, 10.0)] * 2
+    assert flow.look(100 * (LOOKS + 1), 10 * (LOOKS + 1), LOOKS * second, LOOKS + 2.0) is None  # nothing came
+
+
+@pytest.mark.parametrize("speed", [0.1, 10.0])
+def test_the_rate_of_poses_is_that_of_their_stamps_at_any_speed_of_simulated_time(speed: float) -> None:
     flow = Flow()
-    found = [flow.look(100 * place, 10 * place, float(place)) for place in range(LOOKS + 2)]
-    assert found == [None] * LOOKS + [(100.0, 10.0)] * 2
-    assert flow.look(100 * (LOOKS + 1), 10 * (LOOKS + 1), LOOKS + 2.0) is None  # nothing came
+    stamps = [int(1e9 * speed * place) for place in range(LOOKS + 1)]
+    found = [flow.look(round(148e-9 * one), round(148e-9 * one), one, float(place)) for place, one in enumerate(stamps)][-1]
+    assert found is not None
+    assert found.poses == pytest.approx(148.0, rel=0.02)
+    assert found.messages == pytest.approx(148.0 * speed, rel=0.02)

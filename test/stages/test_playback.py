@@ -8,9 +8,10 @@ import pytest
 
 from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.motion.pose_stream import FramePose
-from contact_curation.stages.playback import Playback, PlaybackClock, new_names, played_topics
+from contact_curation.stages.playback import CLOCK, Playback, PlaybackClock, new_names, played_topics
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import RawMessage
+from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.inputs.pose_messages import POSE
 from test.motion.streams import stream
 from test.storage.pose_recordings import recorded
@@ -86,6 +87,18 @@ def test_topics_that_were_not_recorded_are_refused(reader: BagReader) -> None:
     assert list(played_topics(reader, [])) == [TOPIC]
     with pytest.raises(MissingTopicError, match="expected /nothing"):
         played_topics(reader, ["/nothing"])
+
+
+def test_results_and_a_clock_beside_an_own_one_are_played_only_when_they_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "session.mcap"
+    kinds = {"/clock": CLOCK, "/toss": "contact_curation_msgs/msg/Toss", "/pose": POSE}
+    with BagWriter(path) as bag:
+        for topic, kind in kinds.items():
+            bag.write_raw(topic, kind, "int32 x\n", b"\0\1\0\0\5\0\0\0", 1)
+    with BagReader(path) as reader:
+        assert [*played_topics(reader, [])] == ["/clock", "/pose"]
+        assert [*played_topics(reader, [], own_clock=True)] == ["/pose"]
+        assert [*played_topics(reader, ["/toss", "/clock"], own_clock=True)] == ["/clock", "/toss"]
 
 
 def test_new_names_are_given_as_pairs(reader: BagReader) -> None:

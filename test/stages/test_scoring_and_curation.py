@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.errors import InvalidValueError
@@ -41,9 +41,9 @@ def store(folder: Path) -> Iterator[InformationStore]:
 
 
 @contextmanager
-def scoring(folder: Path) -> Iterator[ScoringStage]:
+def scoring(folder: Path, body: Body = CONTACTNETS_CUBE) -> Iterator[ScoringStage]:
     with store(folder) as informations:
-        yield ScoringStage(CONTACTNETS_CUBE, ScoringConfig(), informations, theta_of_geometry(CUBE))
+        yield ScoringStage(body, ScoringConfig(), informations, theta_of_geometry(CUBE))
 
 
 @contextmanager
@@ -273,6 +273,23 @@ def test_a_theta_that_comes_back_is_scored_and_ranked_as_a_new_one(tmp_path: Pat
         again = curator.buffer()
     assert again is not None
     assert again.candidates[0].parameters_version == versions[2]
+
+
+def test_a_body_that_comes_back_after_restarts_is_scored_and_ranked_as_a_new_one(tmp_path: Path) -> None:
+    versions, ranked = [], []
+    heavier = replace(CONTACTNETS_CUBE, mass=2.0 * CONTACTNETS_CUBE.mass)
+    for body in (CONTACTNETS_CUBE, heavier, CONTACTNETS_CUBE, CONTACTNETS_CUBE):
+        with scoring(tmp_path / "scorer", body) as scorer, curating(tmp_path / "curator") as curator:
+            batch = scorer.score(TOSSES, FRAMES)
+            scorer.advance(Cursor(8, TOSSES[-1].toss_id))
+            for one in scorer.after(curator.cursor.sequence, 99):
+                curator.add(one.information, *one.stamped)
+                curator.advance(Cursor(one.sequence, one.information.toss_id))
+            versions.append((scorer.version, len(batch.new)))
+            ranked.append(curator.buffer())
+    assert [number for _, number in versions] == [8, 8, 8, 0]
+    assert versions[0][0] != versions[1][0]
+    assert [one.candidates[0].parameters_version for one in ranked if one] == [version for version, _ in versions]
 
 
 def test_what_comes_once_more_after_a_death_does_not_bring_an_older_theta_back(tmp_path: Path) -> None:

@@ -33,6 +33,9 @@ NO_WORD = re.compile(r"\W+")
 """Characters that are not part of a key."""
 
 
+NUMBER = re.compile(r"\d+(\.\d+)?(e[+-]?\d+)?")
+
+
 class Health(NamedTuple):
     """The health of a node.
 
@@ -64,26 +67,43 @@ class Rate:
         return (self.count - count) * NANOSECONDS / max(elapsed_ns, 1)
 
 
+class Flowing(NamedTuple):
+    """What comes, over some looks.
+
+    Attributes:
+        messages: rate [1/s].
+        share: of the messages, poses for each.
+        poses: rate by their stamps [1/s]: simulated or recorded time may run at any rate.
+    """
+
+    messages: float
+    share: float
+    poses: float
+
+
 class Flow:
-    """How many messages and poses come per second, over the last looks, which are a second apart."""
+    """How many messages and poses come, over the last looks, which are a second apart."""
 
     def __init__(self) -> None:
-        self._looks: deque[tuple[int, int, float]] = deque(maxlen=LOOKS + 1)
+        self._looks: deque[tuple[int, int, int | None, float]] = deque(maxlen=LOOKS + 1)
 
-    def look(self, messages: int, poses: int, now: float) -> tuple[float, float] | None:
-        """The rates [1/s]; None as long as looks are too few, or while no message came between two of them.
+    def look(self, messages: int, poses: int, newest_ns: int | None, now: float) -> Flowing | None:
+        """What comes; None as long as looks are too few, or while no message came between two of them.
 
         Args:
             messages: since the start.
             poses: that came of them since the start.
+            newest_ns: stamp of the newest of them; None before the first.
             now: time of a steady clock [s].
         """
-        self._looks.append((messages, poses, now))
+        self._looks.append((messages, poses, newest_ns, now))
         looks = [*self._looks]
         if len(looks) <= LOOKS or any(one[0] == later[0] for one, later in pairwise(looks)):
             return None
-        seconds = max(looks[-1][2] - looks[0][2], 1e-9)
-        return (looks[-1][0] - looks[0][0]) / seconds, (looks[-1][1] - looks[0][1]) / seconds
+        first, last = looks[0], looks[-1]
+        came, placed = last[0] - first[0], last[1] - first[1]
+        stamped_ns = 0 if first[2] is None or last[2] is None else last[2] - first[2]
+        return Flowing(came / max(last[3] - first[3], 1e-9), placed / came, placed * NANOSECONDS / max(stamped_ns, 1))
 
 
 class Waiting:
@@ -96,13 +116,13 @@ class Waiting:
 
     def __init__(self, say: Callable[[str], None], now: Callable[[], float]) -> None:
         self._say, self._now = say, now
-        self._what = ""
+        self._kind = ""
         self._due = self._pause = 0.0
 
     def look(self, what: str) -> None:
-        """Updates what the node waits for now; empty for nothing."""
-        if what != self._what:
-            self._what, self._pause = what, FIRST_WORD
+        """Updates what the node waits for now; empty for nothing. Numbers in it, such as rates, may differ."""
+        if (kind := NUMBER.sub("", what)) != self._kind:
+            self._kind, self._pause = kind, FIRST_WORD
             self._due = self._now() + FIRST_WORD
         elif what and self._now() >= self._due:
             self._say(f"waiting for {what}")
