@@ -23,6 +23,8 @@ from contact_curation.errors import (
 
 MOST_VALUES = 1_000_000
 """In a YAML file, whose few aliases can stand for any number."""
+LONG_TEXT = 100
+"""Characters of a text in a YAML file that count as one more value."""
 LARGEST_BITS = 14_000
 """Of a whole number in a YAML file: Python writes no longer one in decimal digits."""
 
@@ -53,13 +55,9 @@ def read_bounded(path: Path, largest: int, expected: str) -> bytes:
 def read_yaml(path: Path, largest: int, expected: str) -> Any:
     """What a YAML file holds; arguments and errors as `read_bounded`, and UnreadableInputError for what is no YAML."""
     try:
-        content = parse_yaml(read_bounded(path, largest, expected).decode("utf-8"), _OnceLoader)
-        values = _expanded(content, {})
-    except (ValueError, RecursionError) as error:
+        return parse_yaml(read_bounded(path, largest, expected).decode("utf-8"), _OnceLoader)
+    except ValueError as error:
         raise UnreadableInputError(path, f"found no YAML ({_why(error)}), expected {expected}") from error
-    if values > MOST_VALUES:
-        raise UnreadableInputError(path, f"its aliases stand for over {MOST_VALUES} values, expected {expected}")
-    return content
 
 
 def parse_yaml(text: str, loader: type[yaml.SafeLoader] = yaml.SafeLoader) -> Any:
@@ -70,15 +68,19 @@ def parse_yaml(text: str, loader: type[yaml.SafeLoader] = yaml.SafeLoader) -> An
         loader: PyYAML's, which takes the last of several equal keys, or a stricter one.
 
     Raises:
-        ValueError: it is no YAML. PyYAML itself raises a KeyError for `!!bool x`, an AttributeError for `!!timestamp x` and an
-            OverflowError for a number with two hundred colons.
+        ValueError: it is no YAML, or holds too much. PyYAML itself raises a KeyError for `!!bool x`, an AttributeError for
+            `!!timestamp x` and an OverflowError for a number with two hundred colons.
     """
     try:
-        return yaml.load(text, loader)
+        content = yaml.load(text, loader)
+        values = _expanded(content, {})
     except (yaml.YAMLError, RecursionError) as error:
         raise ValueError(str(error)) from error
     except (LookupError, AttributeError, ArithmeticError) as error:
         raise ValueError("a value is too large or not of the kind that its tag names") from error
+    if values > MOST_VALUES:
+        raise ValueError(f"its aliases stand for over {MOST_VALUES} values")
+    return content
 
 
 class _OnceLoader(yaml.SafeLoader):  # type: ignore[misc]
@@ -98,13 +100,15 @@ class _OnceLoader(yaml.SafeLoader):  # type: ignore[misc]
 def _expanded(value: Any, known: dict[int, float]) -> float:
     """How many values nested ones hold, each alias counted as often as it stands there; inf for one that holds itself.
 
+    A long text counts as many values.
+
     Raises:
         ValueError: one of them is a whole number that is too large even for a message, as one in hexadecimal can be.
     """
     if isinstance(value, int) and value.bit_length() > LARGEST_BITS:
         raise ValueError(f"a whole number of {value.bit_length()} bits")
     if not isinstance(value, list | dict | tuple | set):
-        return 1
+        return 1 + len(value) // LONG_TEXT if isinstance(value, str | bytes) else 1
     if id(value) not in known:
         known[id(value)] = math.inf
         parts = [*value, *(value.values() if isinstance(value, dict) else ())]

@@ -228,4 +228,4 @@ def _format(path: Path) -> str:
 def _natural(path: Path) -> list[tuple[bool, int | str]]:
     """Sort key that puts `bag_10` after `bag_9`."""
     parts = re.split(r"(\d+)", path.name)
-    return [(part.isdigit(), int(part) if part.isdigit() else part) for part in parts if part]
+    return [(part.isdecimal(), int(part) if part.isdecimal() else part) for part in parts if part]

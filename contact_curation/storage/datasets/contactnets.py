@@ -120,7 +120,7 @@ def read_contactnets_toss(file: Path, body: Body = CONTACTNETS_CUBE) -> Toss:
 
 def _natural(file: Path) -> list[tuple[int, str]]:
     """Sort key that puts 2.pt before 10.pt."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", file.stem)]
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", file.stem)]
 
 
 def _rows(file: Path) -> Array:

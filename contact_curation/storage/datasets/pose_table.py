@@ -252,7 +252,7 @@ def _unit(name: str) -> str:
 
 def _words(name: str) -> list[str]:
     """The parts of a column's name in lower case, without a unit in brackets."""
-    return re.findall(r"[a-z]+", re.sub(r"[\[(].*?[\])]", "", name).lower())
+    return re.findall(r"[a-z]+", re.sub(r"[\[(][^\[\]()]*[\])]", "", name).lower())
 
 
 def _time(text: str) -> Decimal | None:

@@ -108,6 +108,7 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
     [
         ("", [], "found no numbers in the first 100 lines; expected columns named time, x, y, z, qx, qy, qz, qw"),
         ("\0\1\2" * 50, [], "found no text in line 1, expected a row of numbers"),
+        ("[" * 60_000 + "\n" + "1 2 3 4 5 6 7 8\n" * 5, [], "found no column of x, y, z, qw, qx, qy, qz in [[["),
         ("1 2 3\n" * 5, [], "found no numbers in the first 100 lines"),
         ("1 2 3 4 5 6 7 8 9\n", [], "found 9 columns without names; expected columns named"),
         ("t,x,y,z,roll,pitch,yaw,flag\n1,2,3,4,5,6,7,8\n", [], "found no column of qw, qx, qy, qz in t, x, y, z, roll, pitch"),

@@ -67,6 +67,30 @@ def test_a_folder_without_metadata_is_read(tmp_path: Path) -> None:
         assert losses == ()
 
 
+def metadata_of_aliases(repeated: str) -> str:
+    """Metadata of one topic whose name is a billion times what is repeated."""
+    lists = [f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 10)}]" for level in range(1, 10)]
+    topic = "topic_metadata: {name: *a9, type: a/msg/A}"
+    information = f"relative_file_paths: [bag.mcap], topics_with_message_count: [{{ {topic}, message_count: 1}}]"
+    return "\n".join([f"a0: &a0 {repeated}", *lists, f"rosbag2_bagfile_information: {{ {information} }}"])
+
+
+@pytest.mark.parametrize("repeated", ["x", "x" * 100_000])
+def test_metadata_whose_aliases_stand_for_far_more_are_said_and_not_unfolded(tmp_path: Path, repeated: str) -> None:
+    folder = write_ours(tmp_path / "bag", SENT)
+    (folder / "metadata.yaml").write_text(metadata_of_aliases(repeated))
+    found, losses = read(folder)
+    assert_same(found, SENT)
+    assert losses == ("metadata.yaml cannot be read: its aliases stand for over 1000000 values: read without it",)
+
+
+def test_storage_files_may_have_any_digits_in_their_names(tmp_path: Path) -> None:
+    folder = write_ours(tmp_path / "bag", SENT)
+    next(folder.glob("*.mcap")).rename(folder / "0\u00b21.mcap")
+    (folder / "metadata.yaml").unlink()
+    assert_same(read(folder)[0], SENT)
+
+
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe\x00", b"a: [", b"just text", b"- 1"])
 def test_metadata_that_is_no_yaml_is_said_and_the_storage_file_is_read(tmp_path: Path, content: bytes) -> None:
     folder = write_ours(tmp_path / "bag", SENT)
