@@ -28,7 +28,7 @@ from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.nodes.toss_fetch import TossFetch
 from contact_curation.stages.held_out_tosses import HeldOutErrors
 from contact_curation.stages.scoring import checked_body
-from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
+from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage, made_of
 from contact_curation.storage.stores.tosses import TossStore
 
 STATUS_DEPTH = 64
@@ -64,6 +64,7 @@ class Trainer(StageNode):
             seed,
             self._tosses,
             Path(checkpoint or store.with_suffix(".safetensors")),
+            made_of(kind, self._body),
         )
         self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")

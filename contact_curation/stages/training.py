@@ -8,12 +8,15 @@ The checkpoint holds the training in the middle of a round, and which round that
 with them a `TrainingRecord` for whoever supervises.
 """
 
+import hashlib
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from contact_curation.configs import set_whole_numbers
+from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.model_version import model_version
@@ -29,6 +32,9 @@ from contact_curation.storage.stores.tosses import TossStore
 
 ROUND = "round"
 """Name of the checkpoint's note about the round it is in."""
+
+MADE_OF = "made of"
+"""Name of its note about the kind of model and the body."""
 
 
 class SelectedSet(NamedTuple):
@@ -114,6 +120,10 @@ class TrainingStage:
         seed: of the shuffles.
         tosses: where fetched tosses are kept.
         checkpoint: file; made at the first round.
+        made_of: kind of model and body, in words; a checkpoint of others is refused, since it would be trained on as it was.
+
+    Raises:
+        InvalidValueError: the checkpoint is of another kind of model or another body, or none of a trainer node.
     """
 
     def __init__(
@@ -125,6 +135,7 @@ class TrainingStage:
         seed: int,
         tosses: TossStore,
         checkpoint: Path,
+        made_of: str = "",
     ) -> None:
         self._begin = begin
         self._length_scale = length_scale
@@ -133,6 +144,7 @@ class TrainingStage:
         self._seed = seed
         self._tosses = tosses
         self._checkpoint = checkpoint
+        self._made_of = made_of
         self._wanted: SelectedSet | None = None
         self._training: Training | None = None
         self._round = Round()
@@ -251,7 +263,8 @@ class TrainingStage:
     def _save(self) -> None:
         last, earlier = self._round.toss_ids, self._round.earlier_ids
         ids = {"training ids": "\n".join((*last, *earlier)), "fitted ids": "\n".join(last)}  # as `evaluate` reads them
-        save_checkpoint(self._checkpoint, self._trained_so_far, {ROUND: record_bytes(self._round).decode(), **ids})
+        notes = {ROUND: record_bytes(self._round).decode(), MADE_OF: self._made_of, **ids}
+        save_checkpoint(self._checkpoint, self._trained_so_far, notes)
         self._note()
 
     def _note(self) -> None:
@@ -275,7 +288,10 @@ class TrainingStage:
 
         An exact protocol has no use for these: it begins each round at the same theta_0.
         """
-        found = _round_of(read_notes(self._checkpoint), self._checkpoint)
+        notes = read_notes(self._checkpoint)
+        found, of = _round_of(notes, self._checkpoint), notes.get(MADE_OF, self._made_of)
+        if of != self._made_of:
+            raise InvalidValueError(f"checkpoint {self._checkpoint}", of, f"{self._made_of}, or another checkpoint")
         if all(self._tosses.contains(toss_id) for toss_id in found.toss_ids):
             training = resume_training(self._checkpoint, self._data(found.toss_ids), None)
             if training.config == self._config:
@@ -284,6 +300,12 @@ class TrainingStage:
         if not self._config.exact:
             model = read_model(self._checkpoint)
             self._begin = lambda _: model
+
+
+def made_of(kind: str, body: Body) -> str:
+    """Kind of model and body in words, with a digest of all the body's values."""
+    digest = hashlib.sha256(json.dumps(body.to_mapping()).encode()).hexdigest()[:8]
+    return f"{kind} of {body.name}, {body.mass:g} kg ({digest})"
 
 
 def _round_of(notes: Mapping[str, str], path: Path) -> Round:

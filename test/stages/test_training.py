@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.registry import model_class
@@ -25,7 +25,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import load_model
 from contact_curation.stages.records import TrainingRecord, load_record, stored_records
-from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage
+from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage, made_of
 from contact_curation.storage.checkpoint_file import save_checkpoint
 from contact_curation.storage.stores.tosses import TossStore
 from test.simulated import simulated_tosses
@@ -52,6 +52,11 @@ def stage(folder: Path, store: TossStore, config: TrainingConfig = CONFIG) -> Tr
     return TrainingStage(first, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, store, folder / "model.safetensors")
 
 
+def of_body(folder: Path, store: TossStore, kind: str, body: Body) -> TrainingStage:
+    path = folder / "model.safetensors"
+    return TrainingStage(first, body.length_scale, CONFIG, ROUNDS, 0, store, path, made_of(kind, body))
+
+
 @pytest.fixture
 def store(tmp_path: Path) -> Iterator[TossStore]:
     with TossStore(tmp_path / "tosses.sqlite") as made:
@@ -72,6 +77,19 @@ def until_idle(training: TrainingStage) -> list[Moment]:
 
 def numbers_of(model: Model) -> dict[str, bytes]:
     return {name: value.tobytes() for name, value in model.tensors().items()}
+
+
+def test_a_checkpoint_of_another_body_or_kind_of_model_is_refused(tmp_path: Path, store: TossStore) -> None:
+    heavier = replace(CONTACTNETS_CUBE, mass=0.5)
+    for toss in tosses()[:2]:
+        store.add(toss)
+    training = of_body(tmp_path, store, "polytope", CONTACTNETS_CUBE)
+    training.follow(chosen(1, 2, 0, 1))
+    until_idle(training)
+    assert of_body(tmp_path, store, "polytope", CONTACTNETS_CUBE).round.number == 1
+    for kind, body in (("polytope", heavier), ("deep", CONTACTNETS_CUBE)):
+        with pytest.raises(InvalidValueError, match=r"found polytope of cube, 0\.37 kg \(.*\), expected .*another checkpoint"):
+            of_body(tmp_path, store, kind, body)
 
 
 def test_a_round_waits_for_its_tosses_and_says_which_are_missing(tmp_path: Path, store: TossStore) -> None:
