@@ -29,18 +29,19 @@ LARGEST_BITS = 14_000
 """Of a whole number in a YAML file: Python writes no longer one in decimal digits."""
 
 
-def read_bounded(path: Path, largest: int, expected: str) -> bytes:
+def read_bounded(path: Path, largest: int, expected: str, *, devices: bool = True) -> bytes:
     """The bytes of a file.
 
     Args:
         path: of the file.
         largest: how many bytes it may have.
         expected: what it should hold, for the message.
+        devices: whether it may be a pipe or a device in /dev, as a shell gives them. Not where another file names it.
 
     Raises:
         UnreadableInputError: there is no such file, it is a pipe or a device that nobody may ever write to, or it is larger.
     """
-    if path.exists() and not (path.is_file() or path.is_dir() or path.is_relative_to("/dev")):
+    if path.exists() and not (path.is_file() or path.is_dir() or (devices and path.is_relative_to("/dev"))):
         raise UnreadableInputError(path, f"is no regular file, expected one with {expected}")
     try:
         with path.open("rb") as file:

@@ -527,6 +527,22 @@ def test_only_files_that_are_named_as_geometry_are_opened(tmp_path: Path, monkey
     assert opened == ["brick.obj.yaml", "brick.obj"]
 
 
+MESH = '<mesh filename="/dev/zero"/>'
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("a.urdf", f'<robot><link name="a"><collision><geometry>{MESH}</geometry></collision></link></robot>'),
+        ("a.xml", '<mujoco><include file="/dev/zero"/></mujoco>'),
+    ],
+)
+def test_a_description_makes_nobody_read_a_device(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(UnreadableInputError, match="/dev/zero: is no regular file"):
+        read_description(tmp_path / name, BodyOptions(mass=0.3))
+
+
 def test_a_mesh_that_is_too_large_is_refused_before_it_is_read_whole(tmp_path: Path) -> None:
     from contact_curation.geometry.solids.mesh_file import LARGEST_MESH
 

@@ -25,6 +25,7 @@ from contact_curation.storage.bags.reader import BagReader
 from test.storage.written_bags import (
     NOETIC,
     recording,
+    rollback_journal,
     write_mcap,
     write_ours,
     write_ros1,
@@ -277,13 +278,6 @@ def test_no_damage_of_many_ends_in_another_error_than_ours(tmp_path: Path, kind:
 
 
 # Databases
-
-
-def rollback_journal(database: Path, super_journal: Path) -> bytes:
-    """A journal without pages whose end says that `super_journal` holds the names of the journals of one transaction."""
-    magic, name = bytes.fromhex("d9d505f920a163d7"), os.fsencode(super_journal)
-    head = magic + struct.pack(">5I", 0, 0, database.stat().st_size // 4096, 512, 4096)
-    return head.ljust(512, b"\0") + struct.pack(">I", 0x40001) + name + struct.pack(">2I", len(name), sum(name)) + magic
 
 
 def test_a_journal_deletes_no_file_that_it_names(tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 """Bags that the tests write themselves, in every format, through rosbags and mcap as well as through this package."""
 
+import os
+import struct
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -191,3 +193,10 @@ def assert_same(found: Sequence[Sent], expected: Sequence[Sent]) -> None:
     assert [(one.topic, one.log_time_ns) for one in found] == [(one.topic, one.log_time_ns) for one in expected]
     for one, other in zip(found, expected):
         assert same(one.message, other.message), (one, other)
+
+
+def rollback_journal(database: Path, super_journal: Path) -> bytes:
+    """A journal without pages whose end says that `super_journal` holds the names of the journals of one transaction."""
+    magic, name = bytes.fromhex("d9d505f920a163d7"), os.fsencode(super_journal)
+    head = magic + struct.pack(">5I", 0, 0, database.stat().st_size // 4096, 512, 4096)
+    return head.ljust(512, b"\0") + struct.pack(">I", 0x40001) + name + struct.pack(">2I", len(name), sum(name)) + magic

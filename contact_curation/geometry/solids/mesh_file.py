@@ -69,7 +69,7 @@ def read_mesh(path: Path, scale: Array) -> Mesh:
         UnreadableInputError: there is no such file, it is no mesh, or it encloses nothing.
     """
     refuse_foreign(path)
-    data = read_bounded(path, LARGEST_MESH, "a mesh")
+    data = read_bounded(path, LARGEST_MESH, "a mesh", devices=False)
     loaded = _loaded(path, data)
     points = np.asarray(loaded.vertices, dtype=float)
     if points.size and points.shape[1:] != (3,):

@@ -28,7 +28,7 @@ def read_xml(path: Path, root: str = "") -> Element:
     Raises:
         UnreadableInputError: there is no such file, it is no XML, a xacro, or another kind of document.
     """
-    data = read_bounded(path, LARGEST_XML, f"a <{root or 'part of a description'}>")
+    data = read_bounded(path, LARGEST_XML, f"a <{root or 'part of a description'}>", devices=False)
     if path.suffix == ".xacro" or XACRO.encode() in data:
         raise UnreadableInputError(path, f"is a xacro: expand it first with `xacro {path} > {path.name.split('.')[0]}.urdf`")
     try:

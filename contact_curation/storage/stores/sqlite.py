@@ -21,6 +21,9 @@ from contact_curation.errors import UnreadableInputError
 from contact_curation.files import check_version, sync_folder
 from contact_curation.storage.stores.seal import seal
 
+JOURNAL_MARK = bytes.fromhex("d9d505f920a163d7")
+"""The end of a journal that names a super-journal, as of transactions over several databases; SQLite deletes the file named."""
+
 WAIT_FOR_WRITERS = 30.0
 """Longest wait for another process's transaction [s]."""
 
@@ -69,6 +72,9 @@ class SqliteStore:
         self._what = schema.what
         self._claimed: BinaryIO | None = None
         self._is_named = False
+        journal = Path(f"{self.path}-journal")
+        if journal.is_file() and journal.read_bytes().endswith(JOURNAL_MARK):
+            raise UnreadableInputError(journal, f"names another file, which {schema.what} never does: do not use the two")
         with self._clear_errors():
             self._connection = sqlite3.connect(
                 self.path, timeout=WAIT_FOR_WRITERS, isolation_level=None, check_same_thread=False

@@ -16,6 +16,7 @@ from contact_curation.storage.stores.sqlite import Store
 from contact_curation.storage.stores.state import StateStore
 from contact_curation.storage.stores.tosses import JournalPose, TossStore
 from test.storage.stored_records import information, toss
+from test.storage.written_bags import rollback_journal
 
 FLIPS = 120
 """Bits of a file that are tried."""
@@ -161,3 +162,16 @@ def test_a_claim_ends_with_the_store(tmp_path: Path, kind: Callable[[Path], Stor
     for _ in range(2):
         with kind(tmp_path / "store") as store:
             store.claim()
+
+
+@pytest.mark.parametrize(("fill", "kind"), [(filled_tosses, TossStore), (filled_states, StateStore)])
+def test_a_journal_that_names_another_file_is_refused(
+    tmp_path: Path, fill: Callable[[Path], None], kind: Callable[[Path], object]
+) -> None:
+    path, theirs = tmp_path / "store.sqlite", tmp_path / "thesis.txt"
+    fill(path)
+    theirs.write_text("three years")
+    Path(f"{path}-journal").write_bytes(rollback_journal(path, theirs))
+    with pytest.raises(UnreadableInputError, match="-journal: names another file"):
+        kind(path)
+    assert theirs.read_text() == "three years"
