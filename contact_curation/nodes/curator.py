@@ -83,7 +83,7 @@ class Curator(StageNode):
         try:
             self._buffer = self._stage.buffer()
         except ContactCurationError as error:
-            self._warnings.note("not ranked", str(error))
+            self._warnings.note("not ranked", str(error), dropped=False)
             return
         if self._buffer is not None:
             self._publisher.publish(buffer_message(self._buffer))

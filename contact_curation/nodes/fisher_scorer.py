@@ -80,7 +80,7 @@ class FisherScorer(StageNode):
         self._announce(batch.new)
         self._stage.advance(cursor)
         for one in batch.not_scored:
-            self._warnings.note("not scored", f"toss {one.toss_id}: {one.reason}")
+            self._warnings.note("not scored", f"toss {one.toss_id}: {one.reason}", dropped=False)
 
     def _expected_came(self, data: bytes) -> None:
         if not self._worker.waiting:

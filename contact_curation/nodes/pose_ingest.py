@@ -126,6 +126,11 @@ class PoseIngest(ManagedNode):
         shape = f"{body.vertices.tolist()} {body.mass} {body.inertia.tolist()} {body.friction} {body.gravity}"
         made_of = f"{self._config} {body.name} {shape} {source}"
         self._journal = IngestJournal(self._ingest, self._store, made_of, topic)
+        if self._journal.others:
+            self.get_logger().warning(
+                f"the store holds {self._journal.others} tosses, and was last used with another topic, body or other settings: "
+                "they stay as they are; to cut and judge them anew, name another store"
+            )
         while any(missed := self._journal.unannounced()):
             self._announce(*missed)
         return self._journal.newest

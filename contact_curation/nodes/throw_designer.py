@@ -128,13 +128,14 @@ class ThrowDesigner(StageNode):
                 "no toss",
                 f"{lost}: found no toss or rejected motion after its release, expected one within "
                 f"{self._toss_timeout:g} s; is the body tracked, and is the release stamped by the tracker's clock?",
+                dropped=False,
             )
         self._lost = lost
         try:
             self._last = self._loop.next()
         except ContactCurationError as error:
             self._no_throw = str(error)
-            self._warnings.note("no throw", self._no_throw)
+            self._warnings.note("no throw", self._no_throw, dropped=False)
             return
         self._no_throw = ""
         self._reports.tell([self._stage.begin(self._last)])
@@ -153,7 +154,7 @@ class ThrowDesigner(StageNode):
                 return
             except InvalidValueError as error:
                 why = str(error)
-        self._warnings.note("throw not made", why)
+        self._warnings.note("throw not made", why, dropped=False)
         self._reports.tell(self._loop.abandon(why))
 
     async def _propose(self, request: Any, response: Any) -> Any:

@@ -138,7 +138,7 @@ class ThrowServer:
             self.goal = None
         self.made += ending.success
         if not ending.success:
-            self._warnings.note("no throw", f"{goal.request.throw_command.throw_id[:80]}: {ending.message}")
+            self._warnings.note("no throw", f"{goal.request.throw_command.throw_id[:80]}: {ending.message}", dropped=False)
         goal.execute(lambda handle: self._conclude(handle, ending))
 
     def close(self) -> None:

@@ -111,7 +111,7 @@ class Trainer(StageNode):
             except InvalidValueError as error:
                 self._warnings.note("bad toss", str(error))
         for toss_id in unknown:
-            self._warnings.note("unknown toss", f"get_tosses knows no {toss_id}, which the buffer holds")
+            self._warnings.note("unknown toss", f"get_tosses knows no {toss_id}, which the buffer holds", dropped=False)
         self._training.want()
 
     def _train(self) -> None:

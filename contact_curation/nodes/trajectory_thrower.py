@@ -214,7 +214,7 @@ class TrajectoryThrower(GatedArm):
     def _go_home(self) -> None:
         began = self._stage.begin_homeward()
         if isinstance(began, Ending):
-            self._warnings.note("not home", began.message)
+            self._warnings.note("not home", began.message, dropped=False)
             return
         self._controller.send(began)
         self._watch(None)
@@ -251,9 +251,9 @@ class TrajectoryThrower(GatedArm):
                 write_record(self._state_path, self._stage.record)
                 self._recorded = self._stage.record
             except UnwritableOutputError as error:  # the throw was made all the same; written after the next one
-                self._warnings.note("state not written", str(error))
+                self._warnings.note("state not written", str(error), dropped=False)
         if goal is None and not step.ending.success:
-            self._warnings.note("not home", step.ending.message)
+            self._warnings.note("not home", step.ending.message, dropped=False)
         self._server.conclude(goal, step.ending)
         return True
 

@@ -76,6 +76,9 @@ class IngestJournal:
         store: with the state of an earlier run, if there was one.
         configuration: everything the ingest was made of, in words; the state of another configuration is not taken up.
         topic: with the body's poses, for the tosses' provenance.
+
+    Attributes:
+        others: how many tosses the store holds, where the last run had another configuration; else 0.
     """
 
     def __init__(self, ingest: TossIngest, store: TossStore, configuration: str, topic: str) -> None:
@@ -86,6 +89,7 @@ class IngestJournal:
         self._newest: dict[str, int] = {}
         self._journaled = 0
         self._last = 0
+        self.others = 0
         self._restore()
         store.reach_disk()  # what was stored and not announced will be
 
@@ -159,6 +163,7 @@ class IngestJournal:
         """Takes up where an earlier run stopped; the tosses that come out once more are in the store already."""
         position = load_record(self._store.states.load, IngestPosition)
         if position is None or position.configuration != self._configuration:
+            self.others = 0 if position is None else self._store.last_sequence
             self._forget()
             return
         self._newest = dict(position.newest)

@@ -118,7 +118,7 @@ MAKERS = {"keeper": Keeper, "scorer": Scorer, "curator": Curator, "trainer": Tra
 class Goals:
     """Of a thrower that makes a throw, or does not, when a history says so."""
 
-    ready = True
+    missing = ""
 
     def __init__(self, node: Any, told: Callable[[Outcome], None], patience: float) -> None:
         self._told, self._throw = told, None

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 import rclpy
@@ -28,6 +29,7 @@ from contact_curation.nodes.ros.health import (
     node_of,
 )
 from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.session.free_domain import free_domain
 
 
@@ -141,3 +143,13 @@ def test_the_rate_of_poses_is_that_of_their_stamps_at_any_speed_of_simulated_tim
     assert found is not None
     assert found.poses == pytest.approx(148.0, rel=0.02)
     assert found.messages == pytest.approx(148.0 * speed, rel=0.02)
+
+
+def test_a_warning_says_that_something_is_dropped_only_where_it_is() -> None:
+    lines: list[str] = []
+    warnings = ThrottledWarnings(Mock(get_logger=lambda: Mock(warning=lines.append)))
+    warnings.note("bad toss", "body: found brick")
+    warnings.note("throw not made", "the thrower rejected the goal", dropped=False)
+    warnings.note("throw not made", "again", dropped=False)
+    assert lines == ["bad toss: body: found brick; dropped", "throw not made: the thrower rejected the goal"]
+    assert warnings.counts == {"bad toss": 1, "throw not made": 2}

@@ -120,9 +120,14 @@ def test_the_state_of_another_configuration_is_not_taken_up(golden_bag: Path, tm
     store.close()
     store, journal = open_journal(tmp_path / "store", "another")
     assert journal.newest == {}
+    assert journal.others == 1
     journal.take(arrivals_of(measured))
     assert [one.toss.digest() for one in store.after(0, 100)] == [toss.digest() for toss in tosses_in(measured)]
     store.close()
+    for configuration, others in (("another", 0), ("a third", len(tosses_in(measured)))):
+        store, journal = open_journal(tmp_path / "store", configuration)
+        assert journal.others == others
+        store.close()
 
 
 def test_another_toss_under_a_known_id_is_a_conflict_and_the_first_stays(golden_bag: Path, tmp_path: Path) -> None:

@@ -26,11 +26,17 @@ class ThrottledWarnings:
         """Number of faults of each kind."""
         return dict(self._counts)
 
-    def note(self, kind: str, what: str) -> None:
-        """Counts a fault, and logs it unless its kind was logged within the last period."""
+    def note(self, kind: str, what: str, *, dropped: bool = True) -> None:
+        """Counts a fault, and logs it unless its kind was logged within the last period.
+
+        Args:
+            kind: name under which it is counted.
+            what: what was found, in one line.
+            dropped: whether something that came is dropped for it, as the line then says.
+        """
         self._counts[kind] += 1
         last, now = self._said.get(kind), self._clock.now().nanoseconds
         if last is None or now - last >= PAUSE * NANOSECONDS:
             self._said[kind] = now
             again = f" ({self._counts[kind]} times so far)" if last is not None else ""
-            self._logger.warning(f"{kind}: {what}{again}; dropped".translate(CONTROLS))
+            self._logger.warning(f"{kind}: {what}{again}{'; dropped' if dropped else ''}".translate(CONTROLS))

@@ -187,7 +187,9 @@ class TossStore(Store):
                 return Added(table.insert(toss.toss_id, "", head, arrays, json.dumps(asdict(provenance))), True)
         if (known.head, known.arrays) != (head, arrays):
             raise InvalidValueError(
-                f"toss {toss.toss_id}", "other content than is stored", "the same content under the same id"
+                f"toss {toss.toss_id}",
+                "other content than is stored",
+                "the same content under the same id: with other settings name another store",
             )
         return Added(known.sequence, False)
 
