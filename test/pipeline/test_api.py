@@ -367,17 +367,17 @@ def test_a_training_goes_on_from_a_model_in_memory_as_from_its_file(
         ANY.train(ranking.selected, start=3)
 
 
-def test_the_number_of_threads_of_torch_is_the_callers_again(ranking: cc.RankedTosses, deep: cc.LearnedModel) -> None:
-    before = torch.get_num_threads()
+def test_the_number_of_threads_of_torch_is_the_callers_again(tosses: cc.Tosses, deep: cc.LearnedModel) -> None:
+    before, few = torch.get_num_threads(), cc.rank(tosses, 4).selected
     torch.set_num_threads(3)
     try:
-        model = cc.train(ranking.selected, steps=1)
+        model = cc.train(few, steps=1)
         assert torch.get_num_threads() == 3
-        cc.evaluate(model, ranking.selected, held_out="none")
+        cc.evaluate(model, few, held_out="none")
         assert torch.get_num_threads() == 3
-        cc.score(ranking.selected, model=deep)
+        cc.score(few, model=deep)
         assert torch.get_num_threads() == 3
-        cc.rank(ranking.selected, model=deep)
+        cc.rank(few, model=deep)
         assert torch.get_num_threads() == 3
     finally:
         torch.set_num_threads(before)
