@@ -102,6 +102,7 @@ def test_the_physical_block_alone_has_no_networks_in_it(cli: Cli, folder: Path) 
     assert report["diagnostics"]["dimension"] <= 52
 
 
+@pytest.mark.slow
 def test_tosses_that_are_evaluated_together_are_ranked_alike(cli: Cli, folder: Path) -> None:
     apart, together = (ranked(cli, folder, "deepvertex", "--device-memory", memory) for memory in (0, 500))
     ids, traces = ([[row[name] for row in report["tosses"]] for report in (apart, together)] for name in ("toss_id", "trace"))

@@ -167,6 +167,7 @@ def test_what_is_not_accepted_is_one_line(cli: Cli, folder: Path, tmp_path: Path
     assert len(done.err_lines) == 1
 
 
+@pytest.mark.slow
 def test_what_the_pool_is_too_small_for_is_said_and_the_rest_is_done(cli: Cli, folder: Path, tmp_path: Path) -> None:
     words = ("--rules", "random", "random", "longest", "--sizes", "2", "100", "--seeds", "1")
     done = cli("reproduce", "dataset-quality", folder, "--out", tmp_path, "--held-out", "7,8", *words)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 from contact_curation_msgs.msg import ModelParameters
 from contact_curation_msgs.srv import GetInformation, GetTosses
@@ -34,6 +35,7 @@ def set_criterion(graph: Graph, criterion: str, top: int = TOP) -> Any:
     return graph.listener.call(SetParameters, "/curator/set_parameters", request).results[0]
 
 
+@pytest.mark.slow
 def test_scorer_and_curator_that_come_late_and_a_new_theta_and_criterion(graph: Graph, golden_bag: Path) -> None:
     tosses = graph.tosses()
     expected = tosses_of(golden_bag)

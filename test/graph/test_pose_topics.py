@@ -95,6 +95,7 @@ def test_every_type_of_pose_topic_gives_the_same_tosses(
         assert ids(tosses) == expected
 
 
+@pytest.mark.slow
 def test_a_body_that_is_on_tf_alone_is_found_there(
     graph: Graph, rig: tuple[FramePose, ...], poses: tuple[FramePose, ...]
 ) -> None:

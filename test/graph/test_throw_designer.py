@@ -159,6 +159,7 @@ def test_a_throw_whose_motion_is_rejected_is_followed_by_the_next_at_once(graph:
     assert told[-1] == "rejected: gap: found 0.2 s; depth: found 9 mm"
 
 
+@pytest.mark.slow
 def test_no_throw_is_made_once_auto_is_off(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     reports = reported(graph)
@@ -211,6 +212,7 @@ def test_why_a_throw_was_not_made_is_one_line(
     assert outcomes == [throw_goals.Outcome(None, why)]
 
 
+@pytest.mark.slow
 def test_a_designer_that_can_plan_no_throw_says_so_at_level_warn(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     heard = graph.diagnostics()

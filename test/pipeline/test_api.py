@@ -367,6 +367,7 @@ def test_a_training_goes_on_from_a_model_in_memory_as_from_its_file(
         ANY.train(ranking.selected, start=3)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_of_torch_is_the_callers_again(tosses: cc.Tosses, deep: cc.LearnedModel) -> None:
     before, few = torch.get_num_threads(), cc.rank(tosses, 4).selected
     torch.set_num_threads(3)

@@ -40,6 +40,7 @@ def test_a_bag_of_detections_gives_the_tosses_with_the_poses_of_the_tags(
         assert np.degrees(turns.max()) < 0.5
 
 
+@pytest.mark.slow
 def test_a_camera_info_that_comes_late_makes_no_difference(tmp_path: Path, images: tuple[TaggedImage, ...]) -> None:
     early = opened(write_detections(tmp_path / "a.mcap", images))
     late = opened(write_detections(tmp_path / "b.mcap", images, info_after=40))

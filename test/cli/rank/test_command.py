@@ -88,6 +88,7 @@ def test_the_manifest_says_what_the_report_says_and_a_figure_lies_beside_it(
     assert (tmp_path / "manifest.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_figure_goes_where_it_is_wanted_or_nowhere(cli: Cli, golden: Path, tmp_path: Path) -> None:
     cli("rank", golden, "--out", tmp_path / "a.csv", "--no-figure")
     assert {path.name for path in tmp_path.iterdir()} == {"a.csv", "a.provenance.json"}

@@ -59,6 +59,7 @@ def test_what_is_said_comes_true_within_a_factor_of_two_and_below_the_line_of_95
     assert rotation < found.rotation_95
 
 
+@pytest.mark.slow
 def test_more_throws_change_less_after_more_tosses_and_fewer_throws_change_less() -> None:
     of_few, of_many = said(8), said(16)
     assert of_many.throws == 16

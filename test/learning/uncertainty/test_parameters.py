@@ -178,6 +178,7 @@ def test_resamples_of_one_seed_are_the_same_and_of_another_are_not(model: Polyto
     assert not np.allclose(one, other, rtol=0.01)
 
 
+@pytest.mark.slow
 def test_the_whole_hessian_gives_the_sandwich_of_a_perfect_fit(model: PolytopeModel, rows: Transitions, found: Known) -> None:
     whole = unit_sizes(model) * whole_hessian_deviations(
         model, rows, LOSS
