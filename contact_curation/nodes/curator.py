@@ -135,11 +135,10 @@ class Curator(StageNode):
         """
         path = path_below("path", self._save_folder, asked)
         try:
-            if self._overwrites:
-                check_replaceable("path", path, "a new name, or that of an earlier manifest")
-                return path
             for taken in (path, provenance_of(path)):
-                if taken.exists():
+                if self._overwrites:
+                    check_replaceable("path", taken, "a new name, or that of an earlier manifest")
+                elif taken.exists():
                     raise InvalidValueError("path", f"a file at {taken}", "a new name, or a curator with save_overwrites:=true")
         except OSError as error:  # a name that is too long, a folder that may not be searched
             raise InvalidValueError("path", f"{path.name[:40]!r}: {error.strerror}", "a name that a file can have") from error

@@ -75,6 +75,7 @@ def test_nothing_is_replaced_unless_the_curator_was_started_so_and_then_earlier_
     with curator(tmp_path, "save_overwrites:=true") as node:
         assert saved(node, "kept.csv").success
         assert not saved(node, "notes.csv").success
+        assert not saved(node, "new.csv").success
     assert (tmp_path / "notes.csv").read_text() == (tmp_path / "new.provenance.json").read_text() == "years of work"
 
 

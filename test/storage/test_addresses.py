@@ -122,6 +122,38 @@ def test_a_bag_without_an_index_is_read_as_a_whole(server: ObjectServer, session
     assert len(on_disk) == len(in_bucket) > 1
 
 
+def partly_in_chunks(bag: Path, target: Path, loose: range) -> Path:
+    """The bag with the messages of these numbers outside chunks, which MCAP allows."""
+    with BagReader(bag) as reader, target.open("wb") as file:
+        writer = Writer(file, chunk_size=20_000)
+        writer.start()
+        chunks, channels = vars(writer)["_Writer__chunk_builder"], {}
+        for number, sent in enumerate(reader.raw_messages()):
+            writer._Writer__finalize_chunk()  # type: ignore[attr-defined]
+            vars(writer)["_Writer__chunk_builder"] = None if number in loose else chunks
+            if sent.topic not in channels:
+                schema = writer.register_schema(sent.type, sent.schema_encoding, sent.schema.encode())
+                channels[sent.topic] = writer.register_channel(sent.topic, "cdr", schema)
+            writer.add_message(channels[sent.topic], sent.log_time_ns, sent.data, sent.log_time_ns)
+        vars(writer)["_Writer__chunk_builder"] = chunks
+        writer.finish()  # type: ignore[no-untyped-call]
+    return target
+
+
+@pytest.mark.parametrize("loose", [range(100, 200), range(200, 10**6)], ids=["between chunks", "behind chunks"])
+def test_messages_outside_chunks_are_read_too(server: ObjectServer, session: Path, tmp_path: Path, loose: range) -> None:
+    mixed = partly_in_chunks(session, tmp_path / "mixed.mcap", loose)
+    assert digests(*input_paths(server.put(mixed, "mixed.mcap"))) == digests(session)
+
+
+def test_messages_before_the_first_chunk_are_missed_and_said(server: ObjectServer, session: Path, tmp_path: Path) -> None:
+    mixed = partly_in_chunks(session, tmp_path / "mixed.mcap", range(100))
+    with BagReader(input_paths(server.put(mixed, "mixed.mcap"))[0]) as reader, BagReader(session) as whole:
+        read, counted = (sum(1 for _ in one.raw_messages()) for one in (reader, whole))
+        assert reader.losses == (f"mixed.mcap: its index counts {counted} messages, its chunks hold {read}",)
+        assert read == counted - 100
+
+
 def test_a_damaged_chunk_is_lost_and_said(server: ObjectServer, golden: Path, tmp_path: Path) -> None:
     data = bytearray(golden.read_bytes())
     data[len(data) // 2] ^= 0xFF

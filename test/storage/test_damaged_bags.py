@@ -271,6 +271,17 @@ def test_rows_that_are_no_messages_are_left_out_and_said(tmp_path: Path) -> None
     assert losses == ("bag.db3: 1 rows are no messages (a time or bytes are missing) and were left out",)
 
 
+def test_messages_of_a_topic_that_the_database_does_not_declare_are_said(tmp_path: Path) -> None:
+    folder = write_rosbag2(tmp_path / "bag", SENT, SQLITE)
+    database = sqlite3.connect(folder / "bag.db3")
+    database.execute("UPDATE messages SET topic_id = 77 WHERE id = 5")
+    database.commit()
+    database.close()
+    with BagReader(folder / "bag.db3") as reader:
+        assert sum(topic.count or 0 for topic in reader.topics) == len(SENT) - 1
+        assert reader.losses == ("bag.db3: 1 messages are of no declared topic and were left out",)
+
+
 def test_a_database_that_is_no_bag_is_refused(tmp_path: Path) -> None:
     database = sqlite3.connect(tmp_path / "other.db3")
     database.execute("CREATE TABLE things (x)")

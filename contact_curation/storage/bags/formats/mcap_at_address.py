@@ -7,6 +7,7 @@ refused here; the caller then reads a copy of the whole file.
 
 from collections.abc import Collection, Iterator
 
+from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Metadata
 
 from contact_curation.storage.addresses import Address
@@ -23,6 +24,9 @@ from contact_curation.storage.bags.formats.mcap_records import (
 )
 from contact_curation.storage.bags.records import StoredMessage
 
+DATA_END_BYTES = RECORD_HEAD.size + 4
+"""Size of the record between the messages and the index."""
+
 
 def open_mcap_at_address(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorage | None:
     """Opens an MCAP file on a server; None if it is no MCAP file, or its index is not complete."""
@@ -34,9 +38,32 @@ def open_mcap_at_address(file: BagFile, limits: BagLimits, losses: Losses) -> Ch
     if summary is None or summary.counted != (len(declarations.channels), len(summary.chunks)):
         return None
     named = {channel for index in summary.chunks for channel in index.message_index_offsets}
-    if not summary.chunks or not named <= set(declarations.channels):
+    if not summary.chunks or not named <= set(declarations.channels) or _has_messages_between(file, summary):
         return None
     return _IndexedMcap(file, summary, declarations, limits, losses)
+
+
+def _has_messages_between(file: BagFile, summary: McapSummary) -> bool:
+    """Whether messages are between the chunks of the index or behind them, or this cannot be read.
+
+    Before the first chunk this would take one more request; messages there are missed when all have been counted.
+    """
+    ends = {
+        one.chunk_start_offset: one.chunk_start_offset + one.chunk_length + one.message_index_length for one in summary.chunks
+    }
+    offset = min(ends)
+    try:
+        while offset < summary.start - DATA_END_BYTES:
+            if offset in ends:
+                offset = ends.pop(offset)
+                continue
+            opcode, length = RECORD_HEAD.unpack(file.read(offset, RECORD_HEAD.size))
+            if opcode in (Opcode.MESSAGE, Opcode.CHUNK):
+                return True
+            offset += RECORD_HEAD.size + length
+    except DamagedBagError:
+        return True
+    return False
 
 
 def notes_at_address(path: Address) -> dict[str, dict[str, str]]:
@@ -64,6 +91,7 @@ class _IndexedMcap(ChunkedStorage):
 
         chunks = [_record_of(index) for index in summary.chunks]
         super().__init__(file, chunks, declarations, parse, summary.counts, limits, losses)
+        self._damaged = False
         self._channels = {index.chunk_start_offset: frozenset(index.message_index_offsets) for index in summary.chunks}
 
     def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
@@ -71,7 +99,15 @@ class _IndexedMcap(ChunkedStorage):
         held = [chunk for chunk in self._chunks if self._holds(chunk, topics)]
         if isinstance(self._file.path, Address):
             self._file.path.plan((chunk.offset, chunk.offset + chunk.stored) for chunk in held)
-        return super().runs(topics)
+        read, self._damaged = 0, False
+        for run in super().runs(topics):
+            read += len(run)
+            yield run
+        counts, wanted = self._declared_counts or {}, self._declarations.wanted(topics)
+        counted = sum(counts.get(number, 0) for number, channel in wanted.items() if channel is not None)
+        if read < counted and not self._damaged:
+            line = f"{self.name}: its index counts {counted} messages, its chunks hold {read}"
+            self._losses.say((self.name, "total"), line)
 
     def _load(self, chunk: Chunk, topics: Collection[str] | None) -> list[StoredMessage]:
         if not self._holds(chunk, topics):
@@ -81,6 +117,10 @@ class _IndexedMcap(ChunkedStorage):
         except DamagedBagError as error:
             self._say_damaged(chunk, str(error), "its messages are lost")
             return []
+
+    def _say_damaged(self, chunk: Chunk, why: str, what: str) -> None:
+        self._damaged = True
+        super()._say_damaged(chunk, why, what)
 
     def _holds(self, chunk: Chunk, topics: Collection[str] | None) -> bool:
         """Whether a chunk may contain requested messages; without channels in the index it may."""

@@ -3,7 +3,7 @@
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from typing import Any
 
@@ -141,6 +141,7 @@ class McapSummary:
         chunks: position and channels of each chunk.
         notes: position of each metadata record, by its name.
         counted: numbers of channels and chunks in the statistics; None if there are none.
+        start: position of the index.
     """
 
     chunk_offsets: tuple[int, ...]
@@ -149,6 +150,7 @@ class McapSummary:
     chunks: tuple[ChunkIndex, ...] = ()
     notes: tuple[MetadataIndex, ...] = ()
     counted: tuple[int, int] | None = None
+    start: int = 0
 
 
 def read_summary(file: BagFile, declarations: McapDeclarations, limits: BagLimits) -> McapSummary | None:
@@ -168,7 +170,7 @@ def read_summary(file: BagFile, declarations: McapDeclarations, limits: BagLimit
     data = file.read(start, file.size - start)
     if crc and zlib.crc32(data[: -len(MCAP_MAGIC) - CRC_SIZE]) != crc:
         raise DamagedBagError("its checksum does not match")
-    return _summary(list(_records(data)), declarations)
+    return replace(_summary(list(_records(data)), declarations), start=start)
 
 
 def _summary_start(file: BagFile) -> tuple[int, int]:

@@ -80,6 +80,10 @@ class SqliteStorage:
             rows = dict(self._connection.execute("SELECT topic_id, count(*) FROM messages GROUP BY topic_id").fetchall())
         except SQLITE_ERRORS:
             return None
+        undeclared = sum(count for number, count in rows.items() if number not in self._channels)
+        if undeclared:
+            line = f"{self.name}: {undeclared} messages are of no declared topic and were left out"
+            self._losses.say((self.name, "undeclared"), line)
         return {channel: rows.get(number, 0) for number, channel in self._channels.items()}
 
     def runs(self, topics: Collection[str] | None) -> Iterator[list[StoredMessage]]:
