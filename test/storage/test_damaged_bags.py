@@ -9,12 +9,15 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag2 import StoragePlugin
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import UnreadableInputError
 from contact_curation.storage.bags.formats.ros1 import CHUNK, ROS1_MAGIC, Record, read_record
 from contact_curation.storage.bags.reader import BagReader
+from contact_curation.storage.inputs.bag_tosses import bag_tosses
+from contact_curation.storage.inputs.records import InputsConfig
 from test.storage.written_bags import (
     CUBE,
     NOETIC,
@@ -223,6 +226,14 @@ def test_a_damaged_index_is_said_and_the_chunks_are_read_without_it(tmp_path: Pa
     found, losses = read(path)
     assert_same(found, SENT)
     assert losses == ("bag.mcap: the index at its end is damaged and was not used: its checksum does not match",)
+
+
+def test_a_bag_of_which_no_chunk_can_be_read_says_so_and_not_only_that_it_has_no_topics(tmp_path: Path) -> None:
+    path = write_mcap(tmp_path / "a.mcap", SENT, index_types=IndexType.NONE, use_statistics=False, repeat_channels=False)
+    path.write_bytes(path.read_bytes().replace(b"\x04\0\0\0zstd", b"\x04\0\0\0zip2"))
+    says = r"compression 'zip2' is not one of .*; and \d+ more; .*found no topics"
+    with BagReader(path) as reader, pytest.raises(UnreadableInputError, match=says):
+        bag_tosses(reader, CONTACTNETS_CUBE, InputsConfig())
 
 
 # sqlite3

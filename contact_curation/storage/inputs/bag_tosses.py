@@ -68,6 +68,10 @@ def read_bag_tosses(path: Path, body: Body, config: InputsConfig) -> InputReadin
         return tosses.summary(reader.losses)
 
 
+MOST_LOSSES = 3
+"""Losses that an error lists."""
+
+
 def bag_tosses(
     reader: BagReader, body: Body, config: InputsConfig, placed: Callable[[BodyPose], None] | None = None
 ) -> "BagTosses":
@@ -84,7 +88,8 @@ def bag_tosses(
         if not reader.losses:
             raise
         why = str(error).removeprefix(f"{reader.path}: ")  # perhaps only since the bag is damaged
-        raise UnreadableInputError(reader.path, "; ".join((*reader.losses, why))) from error
+        more = [f"and {len(reader.losses) - MOST_LOSSES} more"] if len(reader.losses) > MOST_LOSSES else []
+        raise UnreadableInputError(reader.path, "; ".join((*reader.losses[:MOST_LOSSES], *more, why))) from error
     source = source.of_children(_children(reader, source))
     rules = with_recorded_rules(config.segmenter, reader.note(RULES_NOTE))
     origin = TossProvenance(str(reader.path), reader.sha256, source.body.name)

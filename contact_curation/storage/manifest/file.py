@@ -235,7 +235,14 @@ def _row(cells: dict[str, str]) -> ManifestRow:
     named = _renamed(cells, FIRST_NAMES)
     if set(named) != set(COLUMNS) or None in named.values():
         raise ValueError(f"its columns are {', '.join(map(str, cells))}")
-    return row_of({field.name: READERS[field.type](named[field.name]) for field in fields(ManifestRow)})
+    return row_of({field.name: _value(field.name, field.type, named[field.name]) for field in fields(ManifestRow)})
+
+
+def _value(name: str, kind: object, text: str) -> Any:
+    try:
+        return READERS[kind](text)
+    except (LookupError, ValueError) as error:
+        raise ValueError(f"{name}: found {text[:40]!r}; if a spreadsheet wrote it, give the file that rank wrote") from error
 
 
 def _cell(value: object) -> str:

@@ -68,6 +68,12 @@ ROS2_FORMATS: dict[str, Callable[[Path], Path]] = {
         use_summary_offsets=False,
     ),
     "mcap without message index": lambda at: write_mcap(at / "bag.mcap", SENT, index_types=IndexType.CHUNK),
+    "mcap without channels in its index": lambda at: write_mcap(
+        at / "bag.mcap", SENT, index_types=IndexType.CHUNK, repeat_channels=False
+    ),
+    "mcap with schemas alone in its index": lambda at: write_mcap(
+        at / "bag.mcap", SENT, index_types=IndexType.NONE, repeat_channels=False, use_statistics=False
+    ),
     "mcap without schemas in its index": lambda at: write_mcap(at / "bag.mcap", SENT, repeat_schemas=False),
     "mcap without checksums": lambda at: write_mcap(at / "bag.mcap", SENT, enable_crcs=False),
     "mcap without a proper name": lambda at: write_mcap(at / "recording", SENT),

@@ -5,6 +5,7 @@ import csv
 import json
 import math
 import os
+import re
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -357,6 +358,15 @@ def test_a_table_that_another_program_saved_without_its_metadata_says_so(tmp_pat
     write_manifest(MANIFEST, path)
     pq.write_table(pq.read_table(path).replace_schema_metadata(None), path)
     with pytest.raises(UnreadableInputError, match="has no metadata contact_curation, which other programs leave out"):
+        read_manifest(path)
+
+
+@pytest.mark.parametrize(("written", "rewritten", "name"), [("true", "TRUE", "selected"), ("81", "8.1E+1", "frames")])
+def test_a_value_that_a_spreadsheet_rewrote_is_named(tmp_path: Path, written: str, rewritten: str, name: str) -> None:
+    path = tmp_path / "manifest.csv"
+    write_manifest(MANIFEST, path)
+    path.write_text(path.read_text().replace(f",{written},", f",{rewritten},", 1))
+    with pytest.raises(UnreadableInputError, match=re.escape(f"{name}: found '{rewritten}'; if a spreadsheet wrote it")):
         read_manifest(path)
 
 

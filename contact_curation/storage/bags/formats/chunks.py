@@ -163,8 +163,7 @@ class ChunkedStorage:
         if chunk.counts is not None:
             per_topic = Counter({self._topic(number): count for number, count in chunk.counts.items()})
             held = f" ({', '.join(f'{count} of {topic}' for topic, count in sorted(per_topic.items()))})"
-        where = f"chunk at byte {chunk.offset}, log times {chunk.start_ns} to {chunk.end_ns} ns"
-        self._losses.say((self.name, chunk.offset), f"{self.name}: {where}: {why}; {what}{held}")
+        say_damaged(self._losses, self.name, chunk, why, f"{what}{held}")
 
     def _topic(self, number: int) -> str:
         channel = self._declarations.channels.get(number)
@@ -177,6 +176,12 @@ class ChunkedStorage:
         line = f"log times of chunks overlap by more than {self._limits.reorder_bytes} bytes: messages may come out of order"
         self._losses.say((self.name, "order"), f"{self.name}: {line}")
         return len(held) // 2
+
+
+def say_damaged(losses: Losses, name: str, chunk: Chunk, why: str, what: str = "its messages are lost") -> None:
+    """Reports a chunk of the file `name` that cannot be read; the last report of a chunk counts."""
+    where = f"chunk at byte {chunk.offset}, log times {chunk.start_ns} to {chunk.end_ns} ns"
+    losses.say((name, chunk.offset), f"{name}: {where}: {why}; {what}")
 
 
 def chunk_data(file: BagFile, chunk: Chunk, limits: BagLimits) -> bytes:

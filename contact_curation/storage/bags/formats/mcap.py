@@ -14,7 +14,7 @@ from typing import NamedTuple
 from mcap.opcode import Opcode
 
 from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses
-from contact_curation.storage.bags.formats.chunks import Chunk, ChunkedStorage, ParsedChunk, chunk_data
+from contact_curation.storage.bags.formats.chunks import Chunk, ChunkedStorage, ParsedChunk, chunk_data, say_damaged
 from contact_curation.storage.bags.formats.mcap_records import (
     MCAP_MAGIC,
     MESSAGE_HEAD,
@@ -162,8 +162,9 @@ def open_mcap(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorag
     stop = walk.follow(len(MCAP_MAGIC))
     if summary is not None:
         stop = _gone_on(walk, stop, summary, name, losses)
-    count = summary is None or any(chunk.counts is not None for chunk in walk.chunks)
-    chunks = [_surveyed(file, chunk, declarations, limits, count) for chunk in walk.chunks]
+    known = summary is not None and summary.counted is not None and summary.counted[0] <= len(declarations.channels)
+    count = not known or any(chunk.counts is not None for chunk in walk.chunks)
+    chunks = [_surveyed(file, chunk, declarations, limits, count, losses) for chunk in walk.chunks]
     _compare(chunks, stop, summary, file, losses)
 
     def parse(data: bytes, topics: Collection[str] | None) -> ParsedChunk:
@@ -196,15 +197,18 @@ def _gone_on(walk: McapWalk, stop: Stop, summary: McapSummary, name: str, losses
     return stop
 
 
-def _surveyed(file: BagFile, chunk: Chunk, declarations: McapDeclarations, limits: BagLimits, count: bool) -> Chunk:
+def _surveyed(
+    file: BagFile, chunk: Chunk, declarations: McapDeclarations, limits: BagLimits, count: bool, losses: Losses
+) -> Chunk:
     """The chunk with its channels and, if `count`, its numbers of messages; it is unpacked for them if necessary."""
     uncounted = chunk.counts is None and count
     if not uncounted and all(number in declarations.channels for number in chunk.counts or {}):
         return chunk
     try:
         found = parse_chunk(chunk_data(file, chunk, limits), None if uncounted else (), declarations)
-    except DamagedBagError:
-        return chunk  # reported when its messages are read
+    except DamagedBagError as error:
+        say_damaged(losses, file.path.name, chunk, str(error))
+        return chunk
     if not uncounted:
         return chunk
     numbers = {channel: number for number, channel in declarations.channels.items()}

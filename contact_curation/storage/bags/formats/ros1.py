@@ -16,7 +16,14 @@ from rosbags.typesys.msg import normalize_msgtype
 
 from contact_curation.errors import UnreadableInputError
 from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses
-from contact_curation.storage.bags.formats.chunks import Chunk, ChunkedStorage, Declarations, ParsedChunk, chunk_data
+from contact_curation.storage.bags.formats.chunks import (
+    Chunk,
+    ChunkedStorage,
+    Declarations,
+    ParsedChunk,
+    chunk_data,
+    say_damaged,
+)
 from contact_curation.storage.bags.records import Channel, OfferedQos, StoredMessage
 
 ROS1_MAGIC = b"#ROSBAG V2.0\n"
@@ -172,7 +179,7 @@ def open_ros1(file: BagFile, limits: BagLimits, losses: Losses) -> ChunkedStorag
     declarations = Declarations()
     walk = _Ros1Walk(file, declarations)
     why = walk.follow()
-    chunks = [_surveyed(file, chunk, declarations, limits) for chunk in walk.chunks]
+    chunks = [_surveyed(file, chunk, declarations, limits, losses) for chunk in walk.chunks]
     if why:
         held = sum(sum((chunk.counts or {}).values()) for chunk in chunks)
         before = f"before it are {len(chunks)} chunks with {held} messages"
@@ -253,15 +260,16 @@ class _Ros1Walk:
         self.chunks[-1] = replace(chunk, start_ns=first, end_ns=last, counts=counts)
 
 
-def _surveyed(file: BagFile, chunk: Chunk, declarations: Declarations, limits: BagLimits) -> Chunk:
+def _surveyed(file: BagFile, chunk: Chunk, declarations: Declarations, limits: BagLimits, losses: Losses) -> Chunk:
     """The chunk with its content; it is unpacked once if it has no index, or connections that are declared nowhere else."""
     uncounted = chunk.counts is None
     if not uncounted and all(number in declarations.channels for number in chunk.counts or {}):
         return chunk
     try:
         found = parse_chunk(chunk_data(file, chunk, limits), None if uncounted else (), declarations).messages
-    except DamagedBagError:
-        return chunk  # reported when its messages are read
+    except DamagedBagError as error:
+        say_damaged(losses, file.path.name, chunk, str(error))
+        return chunk
     if not (uncounted and found):
         return chunk
     times = [message.log_time_ns for message in found]
