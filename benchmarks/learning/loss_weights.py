@@ -20,18 +20,12 @@ import numpy as np
 
 from benchmarks._saved_rows import Row
 from benchmarks.learning.mass_centre import compare, errors_of, print_table
+from benchmarks.learning.sliding_friction import BOUNCING, PLAIN, fitted
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.loss_config import OF_IMPULSES, LossConfig, counted_mass
-from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
-from contact_curation.contact.parameter_form import Form
-from contact_curation.experiments.bodies import BOUNCING, SQUARE_INGEST, bench_of
-from contact_curation.experiments.cell_run import ONE_THREAD, Bench
-from contact_curation.information.impacts import as_described
-from contact_curation.learning.evaluation.rebounds import rebound_of
-from contact_curation.learning.fits.exact_fit import optimum, theta_0
-from contact_curation.learning.training.protocols import USUAL_STARTS
-from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import transitions_of
+from contact_curation.experiments.bodies import BOUNCING as BODIES_THAT_BOUNCE
+from contact_curation.experiments.bodies import SQUARE_INGEST, bench_of
+from contact_curation.experiments.cell_run import ONE_THREAD
 
 GAPS, PENETRATION, SLIP = 2.0, 4.0, 0.25
 RIG_PERIOD = 1.0 / 148.0
@@ -53,19 +47,6 @@ def at_rest(body: Body, frame_period: float, noise: float) -> LossConfig:
     return replace(ONE_THREAD, **{name: factor * getattr(ONE_THREAD, name) for name, factor in factors.items()})
 
 
-def fitted(bench: Bench, tosses: Sequence[Toss], seed: int, loss: LossConfig, bounces: bool) -> PolytopeModel:
-    """The optimum of some tosses, as `train` finds it."""
-    start = theta_0(
-        PolytopeModel(
-            initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed)), bench.body, Form.RIGID
-        )
-    )
-    start = start.bouncing() if bounces else start
-    seen = transitions_of(list(tosses), bench.body.length_scale)
-    rebound = rebound_of(seen, bench.body) if bounces else None
-    return optimum(start, as_described(seen, start.geometry(), bench.body), loss, 0.0, USUAL_STARTS, rebound).model
-
-
 def rows_of(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
     """Of a seed: fits of each size in both arms."""
     bench = bench_of(name, seed)
@@ -75,7 +56,7 @@ def rows_of(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
     for size in sizes:
         tosses = [bench.training[place] for place in order[:size]]
         for arm, loss in zip(ARMS, losses, strict=True):
-            model = fitted(bench, tosses, seed, loss, name in BOUNCING)
+            model = fitted(bench, tosses, seed, BOUNCING if name in BODIES_THAT_BOUNCE else PLAIN, loss)
             rows.append({"body": name, "size": size, "seed": seed, "arm": arm, **errors_of(model, bench, np.zeros(3))})
     return rows
 

@@ -26,6 +26,7 @@ import numpy as np
 from benchmarks._saved_rows import Row
 from benchmarks.learning import coverage
 from benchmarks.learning.mass_centre import compare, errors_of, print_table
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of
@@ -60,7 +61,7 @@ def observed(slid: Sliding) -> Iterator[None]:
         yield
 
 
-def fitted(bench: Bench, tosses: Sequence[Toss], seed: int, arm: str) -> PolytopeModel:
+def fitted(bench: Bench, tosses: Sequence[Toss], seed: int, arm: str, loss: LossConfig = ONE_THREAD) -> PolytopeModel:
     """The optimum of some tosses."""
     drawn = initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed))
     start = theta_0(PolytopeModel(drawn, bench.body, Form.RIGID))
@@ -70,10 +71,10 @@ def fitted(bench: Bench, tosses: Sequence[Toss], seed: int, arm: str) -> Polytop
     slid = sliding_of(tosses, bench.body) if arm == SLID else None
     if slid is None:
         rebound = rebound_of(seen, bench.body) if arm == BOUNCING else None
-        return optimum(start, data, ONE_THREAD, 0.0, USUAL_STARTS, rebound).model
+        return optimum(start, data, loss, 0.0, USUAL_STARTS, rebound).model
     with observed(slid):
         there = replace(start.geometry(), tangents=slid.median * np.eye(2, 3))
-        return optimum(PolytopeModel(there, bench.body, Form.RIGID), data, ONE_THREAD, 0.0, USUAL_STARTS).model
+        return optimum(PolytopeModel(there, bench.body, Form.RIGID), data, loss, 0.0, USUAL_STARTS).model
 
 
 def rows_of(name: str, sizes: Sequence[int], seed: int, *, arms: tuple[str, str]) -> list[Row]:
