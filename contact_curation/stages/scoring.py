@@ -120,9 +120,10 @@ class ScoringStage:
         return True
 
     def _score_anew(self) -> None:
-        """Drops what is kept of this theta from an earlier time, and information that is too old."""
+        """Drops what is kept of this theta from an earlier time, and information that is too old; begins at the first toss."""
         self._informations.drop_version(self.version)
         self._informations.keep_newest_versions(MOST_VERSIONS)
+        self._states.save(stored_records(ScorerPosition(self.version, Cursor())))  # who is killed now goes on from there
 
     def postpone(self, theta: ScoredTheta) -> None:
         """Remembers the theta to go on with once all tosses are scored at the present one; the newest replaces the others.
