@@ -30,7 +30,7 @@ JUDGES = 60
 
 
 def fitted(name: str, factor: float, tosses: int, seed: int, unbounded: bool) -> list[float]:
-    """MEASURES of one fit: errors of vertices [mm], rotation [deg] and position [% of the width]."""
+    """The `MEASURES` of one fit: friction, and errors of vertices [mm], rotation [deg] and position [% of the width]."""
     bench = bench_of(name, seed)
     body = replace(bench.body, mass=factor * bench.body.mass, inertia=factor * bench.body.inertia)
     data = transitions_of(bench.training[:tosses], body.length_scale)

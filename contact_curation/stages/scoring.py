@@ -123,7 +123,7 @@ class ScoringStage:
         """Drops what is kept of this theta from an earlier time, and information that is too old; begins at the first toss."""
         self._informations.drop_version(self.version)
         self._informations.keep_newest_versions(MOST_VERSIONS)
-        self._states.save(stored_records(ScorerPosition(self.version, Cursor())))  # who is killed now goes on from there
+        self._states.save(stored_records(ScorerPosition(self.version, Cursor())))  # a restart drops nothing again
 
     def postpone(self, theta: ScoredTheta) -> None:
         """Remembers the theta to go on with once all tosses are scored at the present one; the newest replaces the others.

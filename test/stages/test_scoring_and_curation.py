@@ -136,6 +136,16 @@ def test_a_new_theta_is_kept_over_a_death_and_starts_over(tmp_path: Path) -> Non
     assert [one.information.parameters_version for one in again.new] == [stage.version] * 2
 
 
+def test_a_death_amid_the_tosses_at_a_new_theta_makes_no_result_anew(tmp_path: Path) -> None:
+    with scoring(tmp_path) as stage:
+        stage.score(TOSSES, FRAMES)
+        stage.advance(Cursor(8, TOSSES[-1].toss_id))
+        assert stage.renew(theta_of_geometry(LARGER))
+        stage.score(TOSSES[:3], FRAMES)
+    with scoring(tmp_path) as stage:
+        assert len(stage.score(TOSSES, FRAMES).new) == 5
+
+
 def test_the_newest_theta_that_waits_is_known_after_a_death_and_waits_no_more_once_it_is_scored_at(tmp_path: Path) -> None:
     largest = replace(CUBE, vertices_normal=CUBE.vertices_normal * 1.02)
     with scoring(tmp_path) as stage:

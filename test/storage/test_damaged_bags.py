@@ -271,24 +271,25 @@ def test_messages_in_the_log_of_a_killed_recording_are_read_and_nothing_is_chang
     assert {path: path.read_bytes() for path in killed.iterdir()} == before
 
 
+def changed_database(folder: Path, statement: str) -> Path:
+    """A recording in which a statement of SQL changed something."""
+    path = write_rosbag2(folder / "bag", SENT, SQLITE) / "bag.db3"
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(statement)
+        database.commit()
+    return path
+
+
 def test_rows_that_are_no_messages_are_left_out_and_said(tmp_path: Path) -> None:
-    folder = write_rosbag2(tmp_path / "bag", SENT, SQLITE)
-    database = sqlite3.connect(folder / "bag.db3")
-    database.execute("UPDATE messages SET data = 'text' WHERE id = 5")
-    database.commit()
-    database.close()
-    found, losses = read(folder / "bag.db3")
+    path = changed_database(tmp_path, "UPDATE messages SET data = 'text' WHERE id = 5")
+    found, losses = read(path)
     assert_same(found, SENT[:4] + SENT[5:])
     assert losses == ("bag.db3: 1 rows are no messages (a time or bytes are missing) and were left out",)
 
 
 def test_messages_of_a_topic_that_the_database_does_not_declare_are_said(tmp_path: Path) -> None:
-    folder = write_rosbag2(tmp_path / "bag", SENT, SQLITE)
-    database = sqlite3.connect(folder / "bag.db3")
-    database.execute("UPDATE messages SET topic_id = 77 WHERE id = 5")
-    database.commit()
-    database.close()
-    with BagReader(folder / "bag.db3") as reader:
+    path = changed_database(tmp_path, "UPDATE messages SET topic_id = 77 WHERE id = 5")
+    with BagReader(path) as reader:
         assert sum(topic.count or 0 for topic in reader.topics) == len(SENT) - 1
         assert reader.losses == ("bag.db3: 1 messages are of no declared topic and were left out",)
 

@@ -73,7 +73,7 @@ class SqliteStore:
         self._claimed: BinaryIO | None = None
         self._is_named = False
         journal = Path(f"{self.path}-journal")
-        if journal.is_file() and journal.read_bytes().endswith(JOURNAL_MARK):
+        if journal.is_file() and _last_bytes(journal, len(JOURNAL_MARK)) == JOURNAL_MARK:
             raise UnreadableInputError(journal, f"names another file, which {schema.what} never does: do not use the two")
         with self._clear_errors():
             self._connection = sqlite3.connect(
@@ -211,6 +211,13 @@ class SqliteStore:
             raise UnreadableInputError(self.path, f"is {found}, expected {schema.what}")
         check_version(self.path, schema.what, version, schema.version)
         return int(version)
+
+
+def _last_bytes(path: Path, count: int) -> bytes:
+    """The end of a file, which may be large."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - count, 0))
+        return file.read()
 
 
 class Store:
