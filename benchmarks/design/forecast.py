@@ -35,7 +35,7 @@ from contact_curation.design.predicted_information import (
 from contact_curation.design.releases import fitted_prior
 from contact_curation.design.throw import Throw
 from contact_curation.experiments.bodies import bench_of
-from contact_curation.experiments.cell_run import ONE_THREAD
+from contact_curation.experiments.cell_run import PUBLISHED_LOSS
 from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.experiments.thrown.choice import ExplorationThrows
 from contact_curation.experiments.thrown.designed_throws import DEFAULT_DESIGN, RoundsLearner
@@ -67,7 +67,7 @@ class Session:
             seen = self.rig.throw(exploration.choose(number).throw)
             exploration.thrown(seen.commanded, seen.executed)
             tosses += [seen.toss] if seen.toss else []
-        config = replace(exact(ROUND_TRIMMED), loss=ONE_THREAD)
+        config = replace(exact(ROUND_TRIMMED), loss=PUBLISHED_LOSS)
         learner = RoundsLearner(origin_of(bench, seed, False), config, 1, seed)
         learner.learn(tosses)
         self.particle = designer.particle(learner.model.geometry())

@@ -44,7 +44,7 @@ from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
-from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
+from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, thrown_toss
 from contact_curation.simulation.world import WorldConfig
 
 TURN_NOISE = float(np.radians(0.024))
@@ -63,10 +63,14 @@ IRREGULAR = 0.001 * np.array([[52, 3, -31], [-48, 20, -33], [5, -50, -30], [10, 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """A body and what its contacts are like; None for the model's own, rigid and without restitution."""
+    """A body and what its contacts are like; None for the model's own, rigid and without restitution.
+
+    Its tracker sees a frame each so many seconds.
+    """
 
     body: Body
     contacts: WorldConfig | None
+    frame_period: float = DEFAULT_THROWN.frame_period
 
     def tosses(self, count: int, seed: int, noise: float = 1.0) -> tuple[Toss, ...]:
         """As a tracker with so many times the noise of ContactNets' rig sees them."""
@@ -76,8 +80,9 @@ class World:
     def _thrown(self, state: Array, number: int) -> Toss:
         throw = throw_of_state(f"{number}", self.body.name, state, 0.0, "")
         if self.contacts is not None:
-            return thrown_toss(self.body, throw, ThrownTossConfig(world=self.contacts), 10 * number * NANOSECONDS)
-        first = thrown_toss(self.body, throw, ThrownTossConfig(), 10 * number * NANOSECONDS)
+            config = ThrownTossConfig(self.frame_period, world=self.contacts)
+            return thrown_toss(self.body, throw, config, 10 * number * NANOSECONDS)
+        first = thrown_toss(self.body, throw, ThrownTossConfig(self.frame_period), 10 * number * NANOSECONDS)
         scales = np.array([self.body.length_scale] * 3 + [1.0] * 4 + [self.body.length_scale] * 3 + [1.0] * 3)
         rolled = rollout(
             ContactGeometry.of_body(self.body).rigid(), self.body, state[None] / scales, first.frames, first.frame_period
@@ -126,7 +131,7 @@ WORLDS = {
 
 
 def fitted(body: Body, data: Transitions, seed: int, bounces: bool) -> PolytopeModel:
-    """The optimum, from a random shape over a level ground."""
+    """The optimum, from a random shape over a level ground, as `train` fits."""
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     drawn = initial_geometry(body, Form.RIGID, pivot, np.random.default_rng([seed, 1]))
     friction = float(np.linalg.norm(drawn.tangents[0]))
@@ -139,7 +144,7 @@ def fitted(body: Body, data: Transitions, seed: int, bounces: bool) -> PolytopeM
         restitution=INITIAL_RESTITUTION if bounces else None,
     )
     data = as_described(data, start, body)
-    return fit_held(PolytopeModel(start, body, Form.RIGID), data, replace(FIT, renewals=3)).model
+    return fit_held(PolytopeModel(start, body, Form.RIGID), data, replace(FIT, loss=ONE_THREAD, renewals=3)).model
 
 
 def row_of(model: PolytopeModel, data: Transitions, others: Transitions, slid: Sliding | None) -> Row:

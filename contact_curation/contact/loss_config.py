@@ -4,17 +4,12 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 from contact_curation.configs import check_positive, set_whole_numbers
+from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.solver.cone_problem import Cone, ConeWeights
 
-LIGHTEST, HEAVIEST = 0.09, 1.5
-"""[kg] A lighter or heavier body counts in the loss of the rigid form as if of this mass. A mass changes no motion, but gaps
-and slip count by squared impulses: fits of light bodies would learn a friction far too high, and of heavy ones one too low
-(docs/explanation/models.md). The weights were published for a cube of 0.37 kg."""
-
-
-def counted_mass(mass: float) -> float:
-    """The mass [kg] as which a body's counts in the loss of the rigid form."""
-    return min(max(mass, LIGHTEST), HEAVIEST)
+GAPS, PENETRATION, SLIP = 2.0, 4.0, 0.25
+"""Weights of impulses at gaps, of negative gaps and of slip in the balanced loss, relative to the published ones, for
+ContactNets' cube; chosen by friction and motions of five bodies (`benchmarks.learning.loss_weights`)."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +27,7 @@ class LossConfig:
         tolerance: largest natural residual at which impulses count as solved.
         max_iterations: iteration limit of the interior point method.
         threads: number of threads that tosses are spread over; 0 for one per processor.
+        balanced: whether a theta in the rigid form has weights that suit any body (`for_theta`); else those above.
     """
 
     match: float = ConeWeights.match
@@ -44,6 +40,7 @@ class LossConfig:
     tolerance: float = 1e-7
     max_iterations: int = 60
     threads: int = 0
+    balanced: bool = True
 
     def __post_init__(self) -> None:
         _ = self.weights  # checks them
@@ -51,12 +48,23 @@ class LossConfig:
         set_whole_numbers(self, ("max_iterations",), 1, prefix="loss.")
         set_whole_numbers(self, ("threads",), prefix="loss.")
 
-    def for_mass(self, mass: float) -> "LossConfig":
-        """The same with the weights of impulses such that a body of a mass [kg] counts as `counted_mass` says."""
-        share = (counted_mass(mass) / mass) ** 2
-        if share == 1.0:
+    def for_theta(self, body: Body, rigid: bool) -> "LossConfig":
+        """The same with the weights that the loss of a theta has.
+
+        A balanced loss counts impulses relative to the one that carries the body at rest, so that neither its mass nor its
+        length scale changes what gaps and slip count, and weighs slip less: the noise of a contact that sticks counts as slip,
+        and would make friction too low (docs/explanation/models.md, "Weights of the loss").
+
+        Args:
+            body: mass, gravity and unit of length.
+            rigid: whether theta is in the rigid form; others have the weights as they are.
+        """
+        if not (rigid and self.balanced):
             return self
-        return replace(self, **{name: share * getattr(self, name) for name in OF_IMPULSES})
+        cube = CONTACTNETS_CUBE
+        share = (cube.mass * cube.scaled_gravity / (body.mass * body.scaled_gravity)) ** 2
+        factors = dict.fromkeys(OF_IMPULSES, GAPS * share) | {"dissipation": SLIP * share, "penetration": PENETRATION}
+        return replace(self, **{name: factor * getattr(self, name) for name, factor in factors.items()})
 
     @cached_property
     def weights(self) -> ConeWeights:

@@ -15,7 +15,6 @@ import numpy as np
 
 from contact_curation.configs import ranged, set_whole_numbers
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.contact.loss_config import counted_mass
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.smoothing import QUIET_PERIOD, noise_growth
@@ -36,9 +35,9 @@ class ReadinessConfig:
         least_tosses: number of scored tosses that theta needs at least.
         recent: number of newest tosses whose losses are checked.
         largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
-            (method.md 1.2); by default m (v / length scale)^2 with v = 33 mm/s, a velocity that no impulse explains, and m as
-            it counts in the loss: 0.15 for ContactNets' cube, whose real tosses have 0.02 at the true parameters. Noise adds
-            what it makes of velocities over 150 frames a second, or with a noisier tracker than ContactNets'.
+            (method.md 1.2); by default that of a velocity that no impulse explains, the same for all bodies [m/s]: 0.15 for
+            ContactNets' cube, whose real tosses have 0.02 at the true parameters. Noise adds what it makes of velocities over
+            150 frames a second, or with a noisier tracker than ContactNets'.
         tracker_noise: noise of the poses as a multiple of that of ContactNets' rig, as in pose_ingest's
             segmenter.tracker_noise.
         least_agreement: smallest Spearman correlation of the reference throws' information between two thetas.
@@ -68,7 +67,7 @@ class ReadinessConfig:
         """The same with a loss for the body and its tracker's frame period [s], where its user has set none."""
         cube = CONTACTNETS_CUBE
         of_cube = CUBE_LOSS + NOISE_LOSS * (noise_growth(frame_period, self.tracker_noise) ** 2 - 1.0)
-        loss = of_cube * counted_mass(body.mass) / cube.mass * (cube.length_scale / body.length_scale) ** 2
+        loss = of_cube * (cube.length_scale / body.length_scale) ** 2
         return replace(self, largest_loss=self.largest_loss or loss)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, FisherSums, SolveStatus, fisher_sums, transition_weights
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig, counted_mass
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.contact.partial_sums import PartialSums
 from contact_curation.errors import InvalidValueError
@@ -89,8 +89,8 @@ def parameters_version(geometry: ContactGeometry, body: Body) -> str:
         state.update(np.ascontiguousarray(part).tobytes())
     if geometry.is_rigid and body.gyroscopic_inertia is not None:
         state.update(b"precesses")  # what was scored before spins did is not mixed with it
-    if geometry.is_rigid and counted_mass(body.mass) != body.mass:
-        state.update(b"counted")  # nor what was scored before the mass counted as of others
+    if geometry.is_rigid:
+        state.update(b"balanced")  # nor what was scored with other weights of the loss
     return state.hexdigest()[:16]
 
 

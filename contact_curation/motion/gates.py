@@ -35,7 +35,15 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.gate_config import TURN_NOISE, GateBounds, GateConfig
 from contact_curation.motion.pose_noise import RIG, RIG_TURN, TrackerScale
 from contact_curation.motion.scales import BodyScale, TossedBody, scale_of
-from contact_curation.motion.smoothing import all_around, clear_steps, noise_growth, vertex_travels
+from contact_curation.motion.smoothing import (
+    all_around,
+    clear_steps,
+    is_filtered,
+    median_of_three,
+    noise_growth,
+    noise_without_filter,
+    vertex_travels,
+)
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 ON_A_LINE = 0.05
@@ -56,7 +64,7 @@ class Steps:
         dt: (T - 1,) [s].
         contact_velocities: (T - 1, 3) dv [m/s].
         spin_changes: (T - 1, 3) dw about the principal axes of inertia [rad/s].
-        turn_offsets: (T - 1, 3) turns over their time less the angular velocities, likewise [rad/s].
+        turn_offsets: (T - 1, 3) turns over their time less the filtered angular velocities, likewise [rad/s].
         airborne: (T - 1,) whether the body is in the air in all frames that the velocities at both ends come from.
         footing: (3, 3) where three vertices of the face it lies on are at the end [m]; None for a body that still moves.
     """
@@ -96,10 +104,15 @@ def _steps_of(toss: Toss, polytope: Polytope, scale: BodyScale, bounds: GateBoun
         dt,
         gained,
         np.diff(spins, axis=0) - _free_spin_changes(spins, scale.moments, dt),
-        turns @ scale.axes / dt[:, np.newaxis] - spins[1:],
+        turns @ scale.axes / dt[:, np.newaxis] - _filtered(spins[1:], toss),
         airborne_steps(toss, lowest, scale.reach, bounds.airborne_clearance),
         None if _rocks(toss, tracker) else footing(toss, polytope, bounds.resting_speed, bounds.resting_spin),
     )
+
+
+def _filtered(velocities: Array, toss: Toss) -> Array:
+    """Velocities (T - 1, 3) of a toss as medians of three, as those of fast cameras are: a jump is what they leave out."""
+    return velocities if is_filtered(toss.frame_period) else median_of_three(velocities)
 
 
 def airborne_steps(toss: Toss, lowest: Array, reach: float, clearance: float) -> NDArray[np.bool_]:
@@ -195,14 +208,16 @@ def cone_gate(steps: Steps, bounds: GateBounds) -> str:
 def impulse_bound(steps: Steps, bounds: GateBounds) -> float:
     """What noise and the median of three leave of an impulse that is none; the median may move gravity's by a frame [m/s]."""
     period = steps.toss.frame_period
-    least = bounds.least_impulse / period + bounds.gravity * period if bounds.least_impulse else 0.0
+    noise = bounds.least_impulse * noise_without_filter(period) / period
+    least = noise + bounds.gravity * period if noise else 0.0
     return max(bounds.impulse_tolerance * steps.growth(), least)
 
 
 def airborne_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that only gravity accelerates a body in the air."""
     pushed = np.where(steps.airborne, quaternions.lengths(steps.contact_velocities) / steps.dt, 0.0)
-    least = bounds.airborne_noise / steps.toss.frame_period**2
+    period = steps.toss.frame_period
+    least = bounds.airborne_noise * noise_without_filter(period) / period**2
     bound = max(bounds.airborne_acceleration * (1.0 if least else steps.growth(steps.tracker.position, 2)), least)
     return _worst("acceleration in the air beyond gravity", pushed, bound, "m/s^2")
 
@@ -236,7 +251,7 @@ def energy_gate(steps: Steps, bounds: GateBounds) -> str:
 def jump_gate(steps: Steps, bounds: GateBounds) -> str:
     """Checks that displacements agree with velocities, but where friction pushed aside and the next push ended it in a step."""
     rates = np.diff(steps.toss.positions, axis=0) / steps.dt[:, np.newaxis]
-    off = quaternions.lengths(rates - steps.toss.linear_velocities[1:])
+    off = quaternions.lengths(rates - _filtered(steps.toss.linear_velocities[1:], steps.toss))
     bound = max(bounds.jump_velocity * steps.growth(), bounds.least_jump / steps.toss.frame_period)
     allowed = np.maximum(bound, bounds.largest_friction * passing_pushes(steps, bounds))
     return _worst_beyond("displacement beside the velocity", off, allowed, "m/s")

@@ -9,7 +9,8 @@ the file's own. With r_k the raw rate of the step into frame k, and a_0 the acce
     v_0 = median(r_-1, r_0, r_1),  v_1 = median(r_0, r_1, r_2),  v_T-1 = median(r_T-2, r_T-1, r_T)
     r_0 = v_0, or where v_1 wants another, that;   r_-1 = r_-2 = .. = v_0 - a_0 dt;   r_T = v_T-1
 
-The true r_0 made v_0 and v_1 both, so with the tracker's stamps (`recovered_timing`) there is such a one.
+The true r_0 made v_0 and v_1 both, so with the tracker's stamps (`recovered_timing`) there is such a one. Velocities of slow
+cameras are not filtered (smoothing.py): r_0 = v_0.
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.segmenter_config import FALL_TOLERANCE, RIG_GRAVITY, SegmenterConfig
-from contact_curation.motion.smoothing import median_of_three
+from contact_curation.motion.smoothing import is_filtered, median_of_three
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 FALL_MARGIN = 0.05
@@ -59,7 +60,7 @@ def surrounded(toss: Toss, before: int, after: int, config: SegmenterConfig) -> 
     period_ns = round(toss.frame_period * NANOSECONDS)
     dt = period_ns / NANOSECONDS
     own, raw = _rates(toss)
-    release = _release_rate(own, raw)
+    release = _release_rate(own, raw) if is_filtered(toss.frame_period) else own[0]
     held = own[0].copy()
     held[2] -= dt * _first_acceleration(toss, release, raw, config)
     steps = dt * np.concatenate([np.tile(held, (before - 1, 1)), release[np.newaxis]])  # (before, 6), the last leads to frame 0

@@ -8,7 +8,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.motion.gate_config import LENGTH_NOISE, airborne_noise
 from contact_curation.motion.pose_noise import RIG, RIG_NOISE, TrackerScale
 from contact_curation.motion.scales import BodyScale
-from contact_curation.motion.smoothing import noise_growth
+from contact_curation.motion.smoothing import noise_growth, noise_without_filter
 
 RIG_GRAVITY = 9.81
 """Under which the public tosses fell [m/s^2]."""
@@ -178,7 +178,7 @@ class SegmenterBounds:
 
     def airborne_bound(self, frame_period: float) -> float:
         """`airborne_acceleration` as noise wants it [m/s^2]."""
-        least = self.airborne_noise / frame_period**2
+        least = self.airborne_noise * noise_without_filter(frame_period) / frame_period**2
         return max(self.airborne_acceleration * (1.0 if least else self.acceleration_noise(frame_period)), least)
 
     def fall_tolerances(self, frame_period: float) -> tuple[float, float]:

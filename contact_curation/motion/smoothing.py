@@ -3,6 +3,10 @@
 The rules by which ContactNets' public tosses were made (arXiv 2009.11193; method.md 1.0): the difference belongs to the later
 of its two frames, so that p' = p + dt v' before the median, which takes single outliers out of the velocities and keeps the
 jumps of impacts.
+
+Only frames of fast cameras are filtered so. Slower ones see a contact in one or two frames, which a median of three takes for
+outliers, and the friction that is learned is far too low (docs/explanation/learning.md). Noise asks for no filter there: that
+of differences falls with the time between frames.
 """
 
 from dataclasses import dataclass
@@ -17,6 +21,22 @@ from contact_curation.motion.toss import NANOSECONDS, Toss
 QUIET_PERIOD = 1.0 / 150.0
 """[s] Bounds on velocities and accelerations are given for frames that are no closer than this."""
 
+LONGEST_FILTERED = 1.0 / 130.0
+"""[s] Velocities of frames that are farther apart are plain differences (`benchmarks.learning.frame_rates`)."""
+
+PLAIN_NOISE = 1.6
+"""Largest accelerations of some 10 000 by noise alone, of plain differences relative to filtered ones at the same rate."""
+
+
+def is_filtered(frame_period: float) -> bool:
+    """Whether velocities at a frame period [s] are medians of three."""
+    return frame_period <= LONGEST_FILTERED
+
+
+def noise_without_filter(frame_period: float) -> float:
+    """How much larger noise makes derivatives at a frame period [s] because they are not filtered; 1 where they are."""
+    return 1.0 if is_filtered(frame_period) else PLAIN_NOISE
+
 
 def noise_growth(frame_period: float, noise: float = 1.0, order: int = 1) -> float:
     """How much noisier derivatives are than those of ContactNets' poses at `QUIET_PERIOD`; at least 1.
@@ -28,7 +48,7 @@ def noise_growth(frame_period: float, noise: float = 1.0, order: int = 1) -> flo
         noise: of the poses, in multiples of that of ContactNets' rig.
         order: 1 of velocities, 2 of accelerations.
     """
-    return max(1.0, noise * (QUIET_PERIOD / frame_period) ** order)
+    return max(1.0, noise * noise_without_filter(frame_period) * (QUIET_PERIOD / frame_period) ** order)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +126,9 @@ def kinematics(stamps_ns: NDArray[np.int64], positions: Array, orientations_wxyz
     """
     steps = np.diff(stamps_ns)[:, np.newaxis] / NANOSECONDS  # (T - 1, 1)
     turns = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations_wxyz[:-1]), orientations_wxyz[1:]))
-    linear = median_of_three(_first_repeated(np.diff(positions, axis=0) / steps))
-    angular = median_of_three(_first_repeated(turns / steps))
+    linear, angular = _first_repeated(np.diff(positions, axis=0) / steps), _first_repeated(turns / steps)
+    if is_filtered(float(np.median(steps))):
+        linear, angular = median_of_three(linear), median_of_three(angular)
     return Kinematics(linear, angular, _first_repeated(np.diff(linear, axis=0) / steps))
 
 

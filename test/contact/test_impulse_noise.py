@@ -16,11 +16,10 @@ from contact_curation.contact.evaluation import (
 )
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.impulse_noise import STEPS_PER_OCTAVE, ImpulseNoise
-from contact_curation.contact.loss_config import HEAVIEST, LIGHTEST, LossConfig
+from contact_curation.contact.loss_config import GAPS, PENETRATION, SLIP, LossConfig
 from contact_curation.contact.parameter_form import Form, form_of_geometry, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information import scoring
 from contact_curation.information.scoring import Scorer, ScoringConfig, parameters_version
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -41,25 +40,30 @@ def data() -> Transitions:
 
 
 @pytest.mark.parametrize("mass", [0.004, 0.05, 20.0])
-def test_a_mass_beyond_the_bounds_changes_no_loss_and_no_score(data: Transitions, mass: float) -> None:
-    def of(value: float, geometry: ContactGeometry) -> tuple[Any, ...]:
+def test_a_declared_mass_changes_no_loss_and_no_score_of_a_balanced_loss(data: Transitions, mass: float) -> None:
+    def of(value: float, geometry: ContactGeometry, balanced: bool = True) -> tuple[Any, ...]:
         body = replace(BODY, mass=value, inertia=BODY.inertia * value / BODY.mass)
-        found = evaluate(geometry, body, data.before, data.after, data.dt, LOSS)
+        found = evaluate(geometry, body, data.before, data.after, data.dt, replace(LOSS, balanced=balanced))
         assert found.solved.all()
         return found.terms, found.scores, found.impulses / value
 
     rigid = a_theta(ImpulseNoise())
-    for found, expected in zip(of(mass, rigid), of(LIGHTEST if mass < LIGHTEST else HEAVIEST, rigid)):
+    for found, expected in zip(of(mass, rigid), of(BODY.mass, rigid)):
         np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-7 * np.abs(expected).max())
+    assert not np.allclose(of(mass, rigid, balanced=False)[0], of(BODY.mass, rigid, balanced=False)[0])
     assert not np.allclose(of(mass, a_theta(None))[0], of(BODY.mass, a_theta(None))[0])
 
 
-def test_the_version_of_theta_tells_apart_what_was_scored_by_the_mass_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    cases = [(noise, replace(BODY, mass=mass)) for noise in (None, ImpulseNoise()) for mass in (BODY.mass, 0.05, 20.0)]
-    now = [parameters_version(a_theta(noise), body) for noise, body in cases]
-    monkeypatch.setattr(scoring, "counted_mass", lambda mass: mass)
-    before = [parameters_version(a_theta(noise), body) for noise, body in cases]
-    assert [one != other for one, other in zip(now, before)] == [False] * 4 + [True] * 2
+def test_the_balanced_loss_of_the_cube_has_the_published_weights_times_those_that_it_says(data: Transitions) -> None:
+    loss = LossConfig(threads=1)
+    said = replace(
+        loss, balanced=False, complementarity_normal=GAPS * loss.complementarity_normal,
+        complementarity_tangent=GAPS * loss.complementarity_tangent, dissipation=SLIP * loss.dissipation,
+        penetration=PENETRATION * loss.penetration, regularization=GAPS * loss.regularization,
+    )  # fmt: skip
+    for geometry, expected in ((a_theta(ImpulseNoise()), said), (a_theta(None), replace(loss, balanced=False))):
+        found = evaluate(geometry, BODY, data.before, data.after, data.dt, loss)
+        np.testing.assert_allclose(found.terms, evaluate(geometry, BODY, data.before, data.after, data.dt, expected).terms)
 
 
 def sums(geometry: ContactGeometry, data: Transitions, estimator: Estimator, weights: Array | None = None) -> tuple[Any, ...]:
@@ -167,7 +171,10 @@ def test_a_theta_with_noise_weighs_by_itself_and_impacts_count_less(data: Transi
     impulses = predicted_impulses(noisy, BODY, data.before, data.dt)
     assert (weights[impulses < 1.0] == 1.0).all()
     assert weights[impulses > 8.0].max() < 0.05
-    own, given = sums(noisy, data, Estimator.GAUSS_NEWTON), sums(a_theta(None), data, Estimator.GAUSS_NEWTON, weights)
+    own, given = (
+        sums(noisy, data, Estimator.GAUSS_NEWTON),
+        sums(a_theta(ImpulseNoise(0.0)), data, Estimator.GAUSS_NEWTON, weights),
+    )
     for one, other in zip(own, given, strict=True):
         np.testing.assert_array_equal(one, other)
     assert transition_weights(a_theta(ImpulseNoise(0.0)), BODY, data.before, data.dt) is None
@@ -213,7 +220,8 @@ def test_a_theta_carries_its_noise_in_bytes_and_in_its_version_and_older_bytes_h
 
 def test_a_scorer_keeps_the_form_of_a_rigid_theta_and_its_information_is_weighted() -> None:
     tosses = simulated_tosses(2, seed=5)
-    rigid, physical = (Scorer(a_theta(noise), BODY, ScoringConfig(loss=LOSS)) for noise in (ImpulseNoise(), None))
+    loss = replace(LOSS, balanced=False)
+    rigid, physical = (Scorer(a_theta(noise), BODY, ScoringConfig(loss=loss)) for noise in (ImpulseNoise(), None))
     assert [block.name for block in rigid.blocks] == ["vertices_normal", "friction", "tilt", "height"]
     weighted, plain = rigid.score(tosses), physical.score(tosses)
     for one, other in zip(weighted, plain, strict=True):

@@ -35,13 +35,13 @@ def profile_loss(model: Model, rows: Rows) -> Tensor:
     """(B,) what the inner problem minimises, at its minimum: the loss and eps |l|^2; of end to end just the loss."""
     if not isinstance(model, ContactModel):
         return model.batch_loss(rows, EXACT).losses
-    frames = Frames.of(CUBE, *rows)
+    frames, config = Frames.of(CUBE, *rows), EXACT.for_theta(CUBE, rigid=model.precesses)
     contacts = model.contacts(frames)
-    found = solve_contacts(contacts, frames, EXACT)
+    found = solve_contacts(contacts, frames, config)
     assert not found.status.any()
     impulses = torch.as_tensor(found.impulses)
     size: Tensor = impulses.square().sum(dim=(1, 2))
-    return loss_terms(contacts, frames, impulses, EXACT.weights).sum(dim=-1) + EXACT.regularization * size
+    return loss_terms(contacts, frames, impulses, config.weights).sum(dim=-1) + config.regularization * size
 
 
 def moved(model: Model, direction: list[Tensor], step: float) -> Model:

@@ -35,7 +35,7 @@ def evaluate_in_torch(
     `config.threads` and `config.max_iterations` are the kernel's; torch has its own.
     """
     first, second, periods = checked_transitions(geometry, before, after, dt)
-    config = config.for_mass(body.mass) if geometry.is_rigid else config
+    config = config.for_theta(body, geometry.is_rigid)
     theta, frames = Theta.of(geometry, device), Frames.of(body, first, second, periods, device, precesses=geometry.is_rigid)
     with torch.no_grad():
         solutions = solve_in_torch(cone_problems(contacts_of(theta, frames), frames, config), config.tolerance, device=device)

@@ -49,8 +49,7 @@ def fisher_sums_in_torch(
             fishers[k] = scores.T @ scores
         else:
             frames = Frames.of(body, before[rows], after[rows], dt[rows], device, precesses=geometry.is_rigid)
-            of_mass = config.for_mass(body.mass) if geometry.is_rigid else config
-            each = profile_fishers(geometry, frames, found.impulses[rows], of_mass)
+            each = profile_fishers(geometry, frames, found.impulses[rows], config.for_theta(body, geometry.is_rigid))
             fishers[k] = np.einsum("n,npq->pq", influence**2, each)
     return FisherSums(fishers, score_sums, found.losses, found.residuals, found.status)
 

@@ -79,3 +79,13 @@ def test_the_body_is_carried_to_the_release_and_lies_still_after_the_rest() -> N
         made.positions[11] + toss.frame_period * toss.linear_velocities[0], toss.positions[0], atol=1e-12
     )
     assert (np.diff(made.positions[-3:], axis=0) == 0.0).all()
+
+
+@pytest.mark.parametrize("rate", [60, 120])
+def test_a_toss_of_a_slow_camera_comes_out_with_its_plain_velocities(rate: int) -> None:
+    period = round(NANOSECONDS / rate)
+    toss = tossed(cut(stream(Throw(position=(0.1, 0.2, 0.3), carried=12, seen=90), period_ns=period)))
+    again = tossed(cut_again(toss)[0])
+    np.testing.assert_array_equal(again.positions, toss.positions)
+    np.testing.assert_allclose(again.linear_velocities, toss.linear_velocities, atol=1e-6)
+    np.testing.assert_allclose(again.angular_velocities, toss.angular_velocities, atol=1e-6)

@@ -7,7 +7,7 @@ from scipy.signal import medfilt
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.smoothing import kinematics, median_of_three, median_orientations
+from contact_curation.motion.smoothing import kinematics, median_of_three, median_orientations, noise_growth
 
 FRAMES = 40
 
@@ -73,3 +73,20 @@ def test_filtered_orientations_lose_outliers_and_keep_a_steady_turn_through_half
     disturbed = steady.copy()
     disturbed[17] = quaternions.multiply(steady[17], quaternions.exp([0.0, 0.1, 0.0]))
     assert quaternions.angle_between(median_orientations(disturbed)[17], steady[17]) < tolerance
+
+
+@pytest.mark.parametrize(("rate", "filtered"), [(30, False), (60, False), (120, False), (148, True), (250, True)])
+def test_velocities_of_slow_cameras_are_the_differences_themselves_and_noise_counts_so_much_more(
+    rate: int, filtered: bool
+) -> None:
+    rng = np.random.default_rng(rate)
+    stamps = np.rint(1e9 * (np.arange(FRAMES) + 0.05 * rng.random(FRAMES)) / rate).astype(np.int64)
+    positions = rng.normal(size=(FRAMES, 3))
+    orientations = quaternions.exp(0.3 * rng.normal(size=(FRAMES, 3)))
+    found = kinematics(stamps, positions, orientations)
+    seconds = np.diff(stamps)[:, np.newaxis] / 1e9
+    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations[:-1]), orientations[1:])) / seconds
+    for own, rates in ((found.linear_velocities, np.diff(positions, axis=0) / seconds), (found.angular_velocities, turns)):
+        assert np.array_equal(own[1:], rates) != filtered
+        np.testing.assert_array_equal(own[2:-1], (median_of_three(rates) if filtered else rates)[1:-1])
+    assert noise_growth(1.0 / rate, 10.0) == pytest.approx(max(1.0, 10.0 * (1.0 if filtered else 1.6) * rate / 150.0))

@@ -45,7 +45,7 @@ class CompiledModel(KernelStructure):
     def __init__(self, geometry: ContactGeometry, body: Body, config: LossConfig) -> None:
         rigid = geometry.is_rigid
         inertia = body.gyroscopic_inertia if rigid else None
-        weights = (config.for_mass(body.mass) if rigid else config).weights
+        weights = config.for_theta(body, rigid).weights
         super().__init__(
             contacts=geometry.vertex_count,
             vertices_normal=geometry.vertices_normal.ctypes.data,

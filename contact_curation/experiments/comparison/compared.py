@@ -17,7 +17,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.bodies import BODIES, BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
-from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
+from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
 from contact_curation.experiments.comparison.datamodel import Datamodel, datamodel_of
 from contact_curation.experiments.counterfactuals.refitted import origin_of
@@ -137,7 +137,7 @@ def _scored_as(cell: Compared) -> Rule:
 
 def _pool(model: PolytopeModel, tosses: Sequence[Toss], rule: Rule) -> Pool:
     """The tosses as a rule reads them at a model's theta."""
-    scores = toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion)(model, tosses)
+    scores = toss_scorer(replace(rule.scoring(), loss=PUBLISHED_LOSS), rule.criterion)(model, tosses)
     return pool_of(one for one in scores if isinstance(one, TossInformation))
 
 

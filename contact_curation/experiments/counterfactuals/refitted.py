@@ -14,7 +14,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import ContactCurationError
 from contact_curation.experiments.bodies import BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
-from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row, motion_row
+from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS, Bench, Row, motion_row
 from contact_curation.experiments.counterfactuals.table import NUMBERS
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
@@ -111,7 +111,7 @@ class Laboratory:
         began = process_time()
         found = self.pool.refit(chosen)
         fitted = process_time()
-        row = motion_row(predicted_motions(found.model, self.bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors)
+        row = motion_row(predicted_motions(found.model, self.bench.held_out, EvaluationConfig(loss=PUBLISHED_LOSS)).errors)
         shape, of_all = shape_errors(found.model), shape_errors(self.pool.model)
         assert shape is not None  # of a polytope
         assert of_all is not None
@@ -134,7 +134,7 @@ class Laboratory:
     def held_out_loss(self, model: PolytopeModel) -> float:
         """Mean loss of the solved judging transitions, each over its variance by the noise of the fit to all."""
         rows = self.judging
-        losses, solved = transition_losses(model, Rows(rows.before, rows.after, rows.dt), ONE_THREAD)
+        losses, solved = transition_losses(model, Rows(rows.before, rows.after, rows.dt), PUBLISHED_LOSS)
         return float((self.weights * losses)[solved].mean())
 
 

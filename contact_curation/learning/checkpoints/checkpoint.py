@@ -118,7 +118,7 @@ def config_of(document: dict[str, Any]) -> TrainingConfig:
             "schedule": Schedule(document["schedule"]),
             "patience": None if patience is None else Patience(**patience),
             "influence": InfluenceBound(**{**influence, "shape": InfluenceShape(influence["shape"])}),
-            "loss": LossConfig(**{**loss, "cone": Cone(loss["cone"])}),
+            "loss": LossConfig(**{"balanced": False, **loss, "cone": Cone(loss["cone"])}),
         }
     )
 

@@ -100,7 +100,9 @@ def test_torch_has_the_kernels_losses_and_scores_by_every_parameter() -> None:
     found = evaluate(BOUNCING, CONTACTNETS_CUBE, before, after, DT)
     theta = Theta(*(torch.as_tensor(part).clone().requires_grad_() for part in Theta.of(BOUNCING)))
     restitution = torch.tensor(E, dtype=torch.float64, requires_grad=True)
-    losses, solved = polytope_losses(theta, CONTACTNETS_CUBE, before, after, np.full(16, DT), restitution=restitution)
+    losses, solved = polytope_losses(
+        theta, CONTACTNETS_CUBE, before, after, np.full(16, DT), restitution=restitution, precesses=True
+    )
     assert solved.all()
     np.testing.assert_array_equal(losses.detach(), found.losses)
     weights = np.linspace(0.5, 2.0, 16)
@@ -109,7 +111,13 @@ def test_torch_has_the_kernels_losses_and_scores_by_every_parameter() -> None:
     np.testing.assert_allclose(slope, -2.0 * weights @ found.scores, rtol=1e-12, atol=1e-12)
     for outside, inside in ((-0.1, 0.0), (1.2, 1.0)):
         clamped = polytope_losses(
-            theta, CONTACTNETS_CUBE, before, after, np.full(16, DT), restitution=torch.tensor(outside, dtype=torch.float64)
+            theta,
+            CONTACTNETS_CUBE,
+            before,
+            after,
+            np.full(16, DT),
+            restitution=torch.tensor(outside, dtype=torch.float64),
+            precesses=True,
         )[0]
         limit = evaluate(replace(BOUNCING, restitution=inside), CONTACTNETS_CUBE, before, after, DT)
         np.testing.assert_array_equal(clamped.detach(), np.where(limit.solved, limit.losses, np.nan))

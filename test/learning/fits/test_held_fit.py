@@ -87,7 +87,7 @@ def test_a_weight_is_a_repetition_and_no_weight_is_an_absence() -> None:
 
 def test_a_restitution_is_learned_before_impacts_are_discounted() -> None:
     """With weights it would follow what the model does not explain."""
-    tosses = simulated_tosses(4, seed=1, geometry=replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3))
+    tosses = simulated_tosses(8, seed=1, geometry=replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3))
     data = merged_impacts(transitions_of(tosses, CONTACTNETS_CUBE.length_scale), CONTACTNETS_CUBE)
     drawn = initial_geometry(CONTACTNETS_CUBE, Form.RIGID, np.zeros(3), np.random.default_rng(5), 0.02)
     start = PolytopeModel(drawn, CONTACTNETS_CUBE, Form.RIGID).bouncing()

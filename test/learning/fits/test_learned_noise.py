@@ -69,7 +69,7 @@ def test_an_exact_fit_in_the_rigid_form_learns_one_set_of_vertices_and_its_noise
     ]
     nearest = [np.sort(each)[:3].mean() for each in off]  # not all of them touched the board
     assert nearest[1] < 0.5 * nearest[0]
-    assert abs(np.linalg.norm(geometry.tangents[0]) - CONTACTNETS_CUBE.friction) < 0.004
+    assert abs(np.linalg.norm(geometry.tangents[0]) - CONTACTNETS_CUBE.friction) < 0.01
 
 
 def test_a_fit_is_made_again_with_the_same_digits_and_without_renewals_counts_all_alike(data: Transitions) -> None:

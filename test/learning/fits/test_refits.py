@@ -71,7 +71,7 @@ def test_a_refit_from_a_friction_at_the_bottom_comes_back(pool: RefitPool) -> No
     chosen = np.array([0, 2, 3])
     found = replace(pool, model=moved(pool.model, steps)).refit(chosen)
     assert FRICTIONS[0] <= np.linalg.norm(found.model.geometry().tangents[0]) <= FRICTIONS[1]
-    assert found.objective == pytest.approx(pool.refit(chosen).objective, rel=1e-2)
+    assert found.objective < 1.01 * pool.refit(chosen).objective  # of this minimum or a lower one
 
 
 def test_a_subset_has_the_transitions_of_its_tosses(pool: RefitPool) -> None:

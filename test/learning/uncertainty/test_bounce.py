@@ -38,11 +38,11 @@ def thrown(restitution: float, count: int, seed: int, noise: TrackerNoise | None
 
 
 def test_tosses_that_bounce_give_the_word_and_what_to_do() -> None:
-    bounce = found(thrown(0.3, 4, 1))
+    bounce = found(thrown(0.3, 16, 1))
     assert bounce is not None
     assert bounce.restitution == pytest.approx(0.3, abs=0.1)
     assert bounce.missing
-    assert bounce.in_words().endswith("from 4 of them); learn it, too: train --set training.restitution=true")
+    assert bounce.in_words().endswith("from 16 of them); learn it, too: train --set training.restitution=true")
 
 
 def test_tosses_that_do_not_bounce_give_none() -> None:

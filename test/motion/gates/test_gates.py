@@ -272,7 +272,9 @@ def test_the_cone_is_wide_enough_for_a_body_with_much_friction() -> None:
     assert not cone_gate(steps, rubber)
 
 
-@pytest.mark.parametrize(("rate", "growth"), [(60, (9.81 / 60 + 8 * 2.2e-5 * 60) / 0.1572), (100, 1.0), (148, 1.0), (300, 2.0)])
+@pytest.mark.parametrize(
+    ("rate", "growth"), [(60, (9.81 / 60 + 8 * 1.6 * 2.2e-5 * 60) / 0.1572), (100, 1.6 / 1.5), (148, 1.0), (300, 2.0)]
+)
 def test_bounds_grow_with_the_noise_of_a_faster_tracker(rate: float, growth: float) -> None:
     for share in (0.99, 1.01):
         pull = replace(pulled([0.0, 0.0, -share * growth * BOUNDS.impulse_tolerance]), frame_period=1.0 / rate)
@@ -580,3 +582,16 @@ class TestOnTheRealTosses:
     def test_outliers_of_two_and_three_frames_after_filtering_are_caught(self, real_tosses: list[Toss], frames: int) -> None:
         tosses, outliers = contaminated(real_tosses, 28, 0, frames=frames)
         assert self.impulse_flags(tosses, CONFIG) == outliers
+
+
+@pytest.mark.parametrize("rate", [60, 120])
+def test_an_outlier_of_a_slow_camera_is_found_wherever_it_is_and_none_without(rate: int) -> None:
+    (toss,) = cut(stream(period_ns=round(1e9 / rate)))
+    assert isinstance(toss, Toss)
+    assert inspect(toss, CUBE, CONFIG) == ()
+    for frame in range(3, toss.frames - 3):
+        positions = toss.positions.copy()
+        positions[frame] += [0.004, -0.006, 0.006]
+        rates = kinematics(toss.stamps_ns, positions, toss.orientations_wxyz)
+        velocities = np.concatenate([toss.linear_velocities[:1], rates.linear_velocities[1:]])  # the first knows one frame more
+        assert inspect(replace(toss, positions=positions, linear_velocities=velocities), CUBE, CONFIG), frame
