@@ -6,7 +6,10 @@ with the noise of ContactNets' rig sees them at 148 Hz. Models learn from 4, 8 o
 optimum from a random initialisation, with a restitution and without; four other tosses tell the noise. Beside the interval
 (`learning.uncertainty`) stands that of 1.96 deviations of the sandwich, which knows of no misfit.
 
-    python -m benchmarks.learning.coverage [--worlds rigid_cube ...] [--sizes 4 8 16] [--seeds 10] [--save ROWS.jsonl]
+    python -m benchmarks.learning.coverage [--worlds rigid_cube ...] [--sizes 4 8 16] [--seeds 10] [--published]
+        [--save ROWS.jsonl]
+
+With --published the loss has the published weights.
 
 With --save rows are kept, and those that are there already are not made again.
 """
@@ -26,11 +29,12 @@ from benchmarks.data.thrown_bodies import release, uniform
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, UPWARD, ContactGeometry
 from contact_curation.contact.impulse_noise import ImpulseNoise
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import rollout
 from contact_curation.design.throw import throw_of_state
-from contact_curation.experiments.cell_run import FIT, ONE_THREAD
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, PUBLISHED_LOSS
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
@@ -130,7 +134,7 @@ WORLDS = {
 }
 
 
-def fitted(body: Body, data: Transitions, seed: int, bounces: bool) -> PolytopeModel:
+def fitted(body: Body, data: Transitions, seed: int, bounces: bool, loss: LossConfig = ONE_THREAD) -> PolytopeModel:
     """The optimum, from a random shape over a level ground, as `train` fits."""
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     drawn = initial_geometry(body, Form.RIGID, pivot, np.random.default_rng([seed, 1]))
@@ -144,12 +148,14 @@ def fitted(body: Body, data: Transitions, seed: int, bounces: bool) -> PolytopeM
         restitution=INITIAL_RESTITUTION if bounces else None,
     )
     data = as_described(data, start, body)
-    return fit_held(PolytopeModel(start, body, Form.RIGID), data, replace(FIT, loss=ONE_THREAD, renewals=3)).model
+    return fit_held(PolytopeModel(start, body, Form.RIGID), data, replace(FIT, loss=loss, renewals=3)).model
 
 
-def row_of(model: PolytopeModel, data: Transitions, others: Transitions, slid: Sliding | None) -> Row:
+def row_of(
+    model: PolytopeModel, data: Transitions, others: Transitions, slid: Sliding | None, loss: LossConfig = ONE_THREAD
+) -> Row:
     """What is said of friction and vertices, and how many intervals hold the truth."""
-    found = known(model, data, others, KnownConfig(ONE_THREAD), slid)
+    found = known(model, data, others, KnownConfig(loss), slid)
     by_name = {one.name: one for one in found.parameters}
     vertices = [one for one in found.parameters if one.name.startswith("vertices")]
     errors = np.abs([one.value for one in vertices] - 1e3 * model.body.vertices.ravel())
@@ -161,20 +167,20 @@ def row_of(model: PolytopeModel, data: Transitions, others: Transitions, slid: S
     row |= {"vertex_interval_mm": float(np.median([one.interval for one in vertices]))}
     row |= {"vertices_held": float(np.mean(errors < [one.interval for one in vertices]))}
     row |= {"vertices_held_by_sandwich": float(np.mean(errors < [NORMAL * one.sandwich for one in vertices]))}
-    told = bounce_of(model, data, ONE_THREAD)
+    told = bounce_of(model, data, loss)
     row |= {"bounce_told": bool(told and told.missing)}
     bounce = by_name.get("restitution")
     return row | {"restitution": bounce.value if bounce else 0.0, "restitution_interval": bounce.interval if bounce else 0.0}
 
 
-def rows_of(key: Row) -> list[Row]:
+def rows_of(key: Row, loss: LossConfig) -> list[Row]:
     """Both fits of a world, a size and a seed."""
     world = WORLDS[key["world"]]
     tosses = world.tosses(LARGEST + OTHERS, 1000 * key["seed"])
     data, others = (transitions_of(part, world.body.length_scale) for part in (tosses[: key["size"]], tosses[LARGEST:]))
     slid = sliding_of((*tosses[: key["size"]], *tosses[LARGEST:]), world.body)
-    models = {arm: fitted(world.body, data, key["seed"], arm == ARMS[1]) for arm in ARMS}
-    return [{**key, "arm": arm, **row_of(model, data, others, slid)} for arm, model in models.items()]
+    models = {arm: fitted(world.body, data, key["seed"], arm == ARMS[1], loss) for arm in ARMS}
+    return [{**key, "arm": arm, **row_of(model, data, others, slid, loss)} for arm, model in models.items()]
 
 
 def print_table(rows: Sequence[Row]) -> None:
@@ -198,15 +204,17 @@ def main() -> int:
     parser.add_argument("--worlds", nargs="+", choices=tuple(WORLDS), default=list(WORLDS))
     parser.add_argument("--sizes", nargs="+", type=int, default=[4, 8, LARGEST])
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--published", action="store_true", help="with the published weights of the loss")
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     saved, rows = SavedRows(arguments.save), list[Row]()
+    loss = PUBLISHED_LOSS if arguments.published else ONE_THREAD
     for seed in range(arguments.seeds):
         for world in arguments.worlds:
             for size in arguments.sizes:
-                key: Row = {"world": world, "size": size, "seed": seed}
-                rows += saved.of(key, partial(rows_of, key))
+                key: Row = {"world": world, "size": size, "seed": seed, "balanced": loss.balanced}
+                rows += saved.of(key, partial(rows_of, key, loss))
     print_table(rows)
     return 0
 

@@ -24,6 +24,7 @@ import torch
 from benchmarks._saved_rows import Row, SavedRows
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of
@@ -91,11 +92,11 @@ def at_origin(states: Array, centre: Array) -> Array:
     return moved
 
 
-def fitted(bench: Bench, tosses: Sequence[Toss], seed: int) -> PolytopeModel:
+def fitted(bench: Bench, tosses: Sequence[Toss], seed: int, loss: LossConfig = ONE_THREAD) -> PolytopeModel:
     """The optimum of some tosses."""
     drawn = initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed))
     start = theta_0(PolytopeModel(drawn, bench.body, Form.RIGID))
-    return optimum(start, transitions_of(list(tosses), bench.body.length_scale), ONE_THREAD, 0.0, USUAL_STARTS).model
+    return optimum(start, transitions_of(list(tosses), bench.body.length_scale), loss, 0.0, USUAL_STARTS).model
 
 
 def as_described(body: Body) -> PolytopeModel:

@@ -1,7 +1,8 @@
 """What a spin that precesses in the air changes of predicted motions, of bodies whose moments of inertia differ.
 
 ContactNets' dynamics have no gyroscopic term, which vanishes for a cube. For each seed a third of the tosses judges
-(experiments/bodies.py); the body as described, and fits to n of the other tosses as `train` does, with the term and without.
+(experiments/bodies.py); the body as described, and fits to n of the other tosses, with the published weights of the loss,
+with the term and without.
 
     python -m benchmarks.learning.precession [--bodies slab wedge irregular] [--sizes 8 16] [--seeds 10] [--save ROWS.jsonl]
 
@@ -19,6 +20,7 @@ from benchmarks._saved_rows import Row
 from benchmarks.learning.mass_centre import as_described, compare, errors_of, fitted, print_table
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.experiments.bodies import bench_of
+from contact_curation.experiments.cell_run import PUBLISHED_LOSS
 
 ARMS = ("without", "with")
 
@@ -33,7 +35,7 @@ def rows_of(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
         for arm in ARMS:
             precesses = ContactGeometry.is_rigid if arm == "with" else property(lambda _: False)
             with mock.patch.object(ContactGeometry, "is_rigid", precesses):
-                model = as_described(bench.body) if size is None else fitted(bench, tosses, seed)
+                model = as_described(bench.body) if size is None else fitted(bench, tosses, seed, PUBLISHED_LOSS)
                 row = {"body": name, "size": -1 if size is None else size, "seed": seed, "arm": arm}
                 rows.append({**row, **errors_of(model, bench, np.zeros(3))})
     return rows

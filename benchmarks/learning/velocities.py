@@ -8,7 +8,8 @@ over frames. Fits of the rigid form to the optimum, from the same random initial
     two-frames         those of the poses to two frames before, with half the noise
     *-bounce           with a restitution that is learned, and impacts merged (`information.impacts`)
 
-in the worlds of `benchmarks.learning.coverage`, where the truth is known, and with --real from the real cube's tosses below
+with the published weights of the loss, in the worlds of `benchmarks.learning.coverage`, where the truth is known, and with
+--real from the real cube's tosses below
 400: two thirds learn, or random ones of them, and one third judges by rollouts from filtered first states, each partition with
 its own rig calibration. The tosses are found through CONTACTNETS_DATA. Medians over seeds, and for the real cube mean
 differences to `filtered` over partitions with 95 % intervals (Student's t; judges of partitions overlap).
@@ -36,7 +37,7 @@ from benchmarks._saved_rows import Row, SavedRows
 from benchmarks.learning.coverage import WORLDS, fitted
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.experiments.cell_run import ONE_THREAD, Bench
+from contact_curation.experiments.cell_run import ONE_THREAD, PUBLISHED_LOSS, Bench
 from contact_curation.geometry import quaternions
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model, shape_errors
 from contact_curation.motion.calibration import calibration_of
@@ -75,7 +76,7 @@ def with_differences(data: Transitions, frames: int) -> Transitions:
 def learned(kind: str, tosses: Sequence[Toss], body: Body, seed: int) -> PolytopeModel:
     """The optimum of tosses with velocities of a kind."""
     data, frames = transitions_of(tosses, body.length_scale), FRAMES[kind.removesuffix(BOUNCE)]
-    return fitted(body, with_differences(data, frames) if frames else data, seed, kind.endswith(BOUNCE))
+    return fitted(body, with_differences(data, frames) if frames else data, seed, kind.endswith(BOUNCE), PUBLISHED_LOSS)
 
 
 def partition(tosses: Sequence[Toss], seed: int) -> Bench:

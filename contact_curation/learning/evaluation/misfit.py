@@ -39,7 +39,7 @@ VARYING = 0.1
 
 SLIDING = 0.6
 """Share of the frames in which a body moves on the board whose contacts use up their friction. Where it is less, a fit learns a
-friction that is at least a fifth too low (`benchmarks.learning.misfit_words`)."""
+friction that is 8 to 42 % too low (`benchmarks.learning.misfit_words`)."""
 
 USED_UP = 0.9
 """Share of its friction that a sliding contact uses at least; the tracker's noise turns the rest."""

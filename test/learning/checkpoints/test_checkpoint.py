@@ -12,7 +12,12 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.models.registry import MODELS
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.learning.checkpoints import safetensors_bytes
-from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, shape_known_to_of_bytes, training_of_bytes
+from contact_curation.learning.checkpoints.checkpoint import (
+    checkpoint_bytes,
+    config_of,
+    shape_known_to_of_bytes,
+    training_of_bytes,
+)
 from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.training.progress import EarlyStop, TrainingState
@@ -261,3 +266,11 @@ def test_the_published_protocol_resumes_in_the_middle_of_an_epoch() -> None:
     resumed = again(training)
     assert resumed.advance(20) == training.advance(20)
     assert bits(resumed) == bits(training)
+
+
+def test_a_training_of_an_earlier_version_had_the_published_weights(whole: bytes) -> None:
+    packed = unpack(whole, "whole")
+    documents = json.loads(json.dumps(packed.documents))
+    assert config_of(documents["training"]["config"]).loss.balanced
+    del documents["training"]["config"]["loss"]["balanced"]
+    assert not config_of(documents["training"]["config"]).loss.balanced
