@@ -9,9 +9,8 @@ optimum from a random initialisation, with a restitution and without; four other
     python -m benchmarks.learning.coverage [--worlds rigid_cube ...] [--sizes 4 8 16] [--seeds 10] [--published]
         [--save ROWS.jsonl]
 
-With --published the loss has the published weights.
-
-With --save rows are kept, and those that are there already are not made again.
+With --published the loss has the published weights. With --save rows are kept, and those that are there already are not made
+again.
 """
 
 import argparse
@@ -69,7 +68,7 @@ IRREGULAR = 0.001 * np.array([[52, 3, -31], [-48, 20, -33], [5, -50, -30], [10, 
 class World:
     """A body and what its contacts are like; None for the model's own, rigid and without restitution.
 
-    Its tracker sees a frame each so many seconds.
+    A frame of its tracker lasts `frame_period` [s].
     """
 
     body: Body

@@ -27,7 +27,7 @@ class LossConfig:
         tolerance: largest natural residual at which impulses count as solved.
         max_iterations: iteration limit of the interior point method.
         threads: number of threads that tosses are spread over; 0 for one per processor.
-        balanced: whether a theta in the rigid form has weights that suit any body; else those above.
+        balanced: whether the weights are multiplied so that they suit any body, for a theta in the rigid form.
     """
 
     match: float = ConeWeights.match
