@@ -48,7 +48,7 @@ ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 PUBLISHED_LOSS = replace(ONE_THREAD, balanced=False)
 """That of the experiments: their stored results were made with the published weights."""
 
-FIT = HeldFitConfig(loss=PUBLISHED_LOSS)
+FIT, BALANCED_FIT = HeldFitConfig(loss=PUBLISHED_LOSS), HeldFitConfig(loss=ONE_THREAD)
 
 JUDGES = 1.0 / 3.0
 """Share of the tosses that judges, where a seed divides them."""

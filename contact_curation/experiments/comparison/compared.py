@@ -17,7 +17,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.bodies import BODIES, BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
-from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS, Bench, Row
+from contact_curation.experiments.cell_run import BALANCED_FIT, FIT, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
 from contact_curation.experiments.comparison.datamodel import Datamodel, datamodel_of
 from contact_curation.experiments.counterfactuals.refitted import origin_of
@@ -26,7 +26,7 @@ from contact_curation.experiments.rules import RULES, Rule
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import moved_by_theta, rank_particles
 from contact_curation.information.record import TossInformation
-from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
 from contact_curation.learning.fits.refits import RefitConfig, RefitPool
 from contact_curation.learning.training.curated import selected_transitions, toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
@@ -52,6 +52,7 @@ class Compared(Planned):
         size: how many tosses; all of them for the rule `all`.
         seed: see the module.
         at_fit: whether it selects at the fit to all training tosses.
+        balanced: whether fits and scores have the balanced loss.
     """
 
     body: str
@@ -59,11 +60,17 @@ class Compared(Planned):
     size: int
     seed: int
     at_fit: bool = False
+    balanced: bool = False
 
     def __post_init__(self) -> None:
         for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES, COUNTERFACTUAL])):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
+
+    @property
+    def fit(self) -> HeldFitConfig:
+        """How polytopes are fitted to the optimum."""
+        return BALANCED_FIT if self.balanced else FIT
 
 
 @lru_cache(maxsize=1)
@@ -79,10 +86,10 @@ def _origin(body: str, seed: int) -> PolytopeModel:
 
 
 @lru_cache(maxsize=2)
-def _start(body: str, seed: int, at_fit: bool) -> PolytopeModel:
+def _start(body: str, seed: int, at_fit: bool, fit: HeldFitConfig) -> PolytopeModel:
     """Where rules select first and fits start: theta_0, or the fit to all training tosses."""
     bench, origin = _bench(body, seed), _origin(body, seed)
-    return _fitted(origin, None, bench, _all(bench)) if at_fit else origin
+    return _fitted(origin, None, bench, _all(bench), fit) if at_fit else origin
 
 
 def _all(bench: Bench) -> Weights:
@@ -98,9 +105,10 @@ def compared_row(cell: Compared) -> Row:
     bench = _bench(cell.body, cell.seed)
     if cell.size > len(bench.training):
         raise InvalidValueError("--sizes", cell.size, f"at most {len(bench.training)}, the training tosses of {cell.body}")
-    start, origin = _start(cell.body, cell.seed, cell.at_fit), _origin(cell.body, cell.seed) if cell.at_fit else None
+    start = _start(cell.body, cell.seed, cell.at_fit, cell.fit)
+    origin = _origin(cell.body, cell.seed) if cell.at_fit else None
     chosen = _selected(cell, bench, start)
-    model = _fitted(start, origin, bench, chosen)
+    model = _fitted(start, origin, bench, chosen, cell.fit)
     return {**judged_by_engines(model, bench), "selected": " ".join(chosen)}
 
 
@@ -108,24 +116,25 @@ def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
     if cell.rule == ALL:
         return _all(bench)
     if cell.rule == COUNTERFACTUAL:
-        places = _datamodel(cell.body, cell.seed).best(cell.size, np.random.default_rng([cell.seed, cell.size, 23]))
+        places = _datamodel(cell.body, cell.seed, cell.fit).best(cell.size, np.random.default_rng([cell.seed, cell.size, 23]))
         return {bench.training[place].toss_id: 1.0 for place in places}
     once = cell.at_fit or cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
-    model, chosen = start, _chosen(cell, _first_pool(cell.body, cell.seed, cell.at_fit, _scored_as(cell)), bench.training)
+    first = _first_pool(cell.body, cell.seed, cell.at_fit, cell.fit, _scored_as(cell))
+    model, chosen = start, _chosen(cell, first, bench.training)
     for _ in range(0 if once else EXACT_SELECTIONS - 1):
-        model = _fitted(model, None if model is start else start, bench, chosen)
-        before, chosen = chosen, _chosen(cell, _pool(model, bench.training, _scored_as(cell)), bench.training)
+        model = _fitted(model, None if model is start else start, bench, chosen, cell.fit)
+        before, chosen = chosen, _chosen(cell, _pool(model, bench.training, cell.fit, _scored_as(cell)), bench.training)
         if chosen == before:
             break
     return chosen
 
 
 @lru_cache(maxsize=1)
-def _datamodel(body: str, seed: int) -> Datamodel:
+def _datamodel(body: str, seed: int, fit: HeldFitConfig) -> Datamodel:
     """What foresees sets of the training tosses."""
     bench = _bench(body, seed)
     data = transitions_of(bench.training, bench.body.length_scale)
-    pool = RefitPool(data, _origin(body, seed), _start(body, seed, True), RefitConfig(FIT))
+    pool = RefitPool(data, _origin(body, seed), _start(body, seed, True, fit), RefitConfig(fit))
     return datamodel_of(pool, bench.training, seed)
 
 
@@ -135,16 +144,16 @@ def _scored_as(cell: Compared) -> Rule:
     return Rule("herding" if moved_by_theta(rule.criterion) else "random", rule.estimator)
 
 
-def _pool(model: PolytopeModel, tosses: Sequence[Toss], rule: Rule) -> Pool:
+def _pool(model: PolytopeModel, tosses: Sequence[Toss], fit: HeldFitConfig, rule: Rule) -> Pool:
     """The tosses as a rule reads them at a model's theta."""
-    scores = toss_scorer(replace(rule.scoring(), loss=PUBLISHED_LOSS), rule.criterion)(model, tosses)
+    scores = toss_scorer(replace(rule.scoring(), loss=fit.loss), rule.criterion)(model, tosses)
     return pool_of(one for one in scores if isinstance(one, TossInformation))
 
 
 @lru_cache(maxsize=3)
-def _first_pool(body: str, seed: int, at_fit: bool, rule: Rule) -> Pool:
+def _first_pool(body: str, seed: int, at_fit: bool, fit: HeldFitConfig, rule: Rule) -> Pool:
     """The training tosses where rules select first, for all rules and sizes that read the same scores."""
-    return _pool(_start(body, seed, at_fit), _bench(body, seed).training, rule)
+    return _pool(_start(body, seed, at_fit, fit), _bench(body, seed).training, fit, rule)
 
 
 def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:
@@ -155,6 +164,8 @@ def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:
     return dict.fromkeys(sorted(rank_particles([pool], ranking).selected_ids), 1.0)
 
 
-def _fitted(model: PolytopeModel, origin: PolytopeModel | None, bench: Bench, chosen: Weights) -> PolytopeModel:
+def _fitted(
+    model: PolytopeModel, origin: PolytopeModel | None, bench: Bench, chosen: Weights, fit: HeldFitConfig
+) -> PolytopeModel:
     data = selected_transitions(bench.training, tuple(chosen), bench.body.length_scale)
-    return fit_held(model, data, FIT, origin, [chosen[name] for name in data.toss_ids]).model
+    return fit_held(model, data, fit, origin, [chosen[name] for name in data.toss_ids]).model
