@@ -34,7 +34,7 @@ from contact_curation.contact.geometry_parameters import INITIAL_NOISE, INITIAL_
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.rebounds import rebound_of, rebounds
@@ -93,13 +93,13 @@ def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:
     chosen = range(len(pool)) if size == ALL else np.random.default_rng([seed, size]).choice(len(pool), size, replace=False)
     learned = [pool[place] for place in sorted(chosen)]
     model = fitted(arm, learned, tosses.body, seed, tosses.spread)
-    found = evaluate_model(model, tosses.held_out, EvaluationConfig(loss=PUBLISHED_LOSS))
+    found = evaluate_model(model, tosses.held_out, EvaluationConfig(loss=ONE_THREAD))
     finite, geometry = found.errors.finite, model.geometry()
     noise = geometry.noise or ImpulseNoise(0.0)
     assert found.shape is not None
     row = {name: float(getattr(found.errors, name)[finite].mean()) for name in ("position", "rotation", "penetration")}
     row |= {"vertices": found.shape.vertex_rms_mm, "friction": found.shape.friction, "not_finite": int((~finite).sum())}
-    told = bounce_of(model, transitions_of(learned, tosses.body.length_scale), PUBLISHED_LOSS)
+    told = bounce_of(model, transitions_of(learned, tosses.body.length_scale), ONE_THREAD)
     row |= {"told": told.restitution if told else 0.0, "told_interval": told.interval if told else 0.0}
     row |= {"restitution": geometry.restitution or 0.0, "growth": noise.growth, "power": noise.power}
     measured, ours = (rebounds(states, found.starts, tosses.body) for states in (found.measured, found.predicted))

@@ -35,7 +35,7 @@ from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.throw import throw_of_state
-from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS, Bench
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench
 from contact_curation.experiments.rules import RULES
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Pool, pool_of
@@ -112,7 +112,7 @@ class Arm:
 
     def _scored(self, estimator: Estimator) -> Pool:
         model = self.of_all
-        scorer = Scorer(model.geometry(), model.body, ScoringConfig(estimator, form=model.form, loss=PUBLISHED_LOSS))
+        scorer = Scorer(model.geometry(), model.body, ScoringConfig(estimator, form=model.form, loss=ONE_THREAD))
         return pool_of(one for one in scorer.score(self.bench.training) if isinstance(one, TossInformation))
 
 
@@ -145,7 +145,7 @@ def simulated(bench: Bench, contact_time: float) -> Bench:
 
 def judged(model: PolytopeModel, bench: Bench, by_mujoco: bool) -> Row:
     """Means over the judging tosses; how far shape and friction are from the described."""
-    found = evaluate_model(model, bench.held_out, EvaluationConfig(loss=PUBLISHED_LOSS))
+    found = evaluate_model(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD))
     assert found.shape is not None
     finite = found.errors.finite
     row: Row = {name: float(getattr(found.errors, name)[finite].mean()) for name in MEASURES[:2]}
@@ -153,7 +153,7 @@ def judged(model: PolytopeModel, bench: Bench, by_mujoco: bool) -> Row:
     noise = model.geometry().noise
     row |= {"growth": noise.growth, "power": noise.power} if noise is not None else {}
     if model.has_own_friction_vertices:
-        shared = predicted_motions(model.with_shared_vertices(), bench.held_out, EvaluationConfig(loss=PUBLISHED_LOSS)).errors
+        shared = predicted_motions(model.with_shared_vertices(), bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors
         row |= {f"shared_{name}": float(getattr(shared, name)[shared.finite].mean()) for name in MEASURES[:2]}
     return row | (in_mujoco(model, found.shape.friction, bench) if by_mujoco else {})
 

@@ -24,7 +24,7 @@ from contact_curation.contact.models.polytope import PolytopeModel, initial_geom
 from contact_curation.contact.parameter_form import Form
 from contact_curation.design.designer import Designer, DesignerConfig
 from contact_curation.design.releases import fitted_prior
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS, Bench
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench
 from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.experiments.thrown.choice import DesignedThrows
 from contact_curation.experiments.thrown.designed_throws import RoundsLearner, judged
@@ -72,10 +72,8 @@ def run(arm: str, seed: int, throws: int, bench: Bench) -> Run:
     rig, start = ArmRig(bench.body, seed), PolytopeModel(drawn, bench.body, Form.PHYSICAL)
     if ARMS[arm].exact:
         start = origin_of(bench, seed, bounces=False)
-    learner = RoundsLearner(start, replace(ARMS[arm], loss=PUBLISHED_LOSS), STEPS, seed)
-    designer = Designer(
-        bench.body, DesignerConfig(loss=PUBLISHED_LOSS), fitted_prior(releases_of(bench.training)), rig.feasibility
-    )
+    learner = RoundsLearner(start, replace(ARMS[arm], loss=ONE_THREAD), STEPS, seed)
+    designer = Designer(bench.body, DesignerConfig(loss=ONE_THREAD), fitted_prior(releases_of(bench.training)), rig.feasibility)
     chooser, tosses, designed = DesignedThrows(designer, start.geometry(), seed), list[Toss](), list[int]()
     for number in range(1, throws + 1):
         choice = chooser.choose(number)

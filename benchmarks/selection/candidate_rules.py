@@ -34,7 +34,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.design.predicted_information import DEFAULT_PREDICTION, Particle, information_of_executions
 from contact_curation.experiments.cell import Cell
-from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS, Bench, judged, pool_of_cell
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, judged, pool_of_cell
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import pool_of
 from contact_curation.information.ranker import RankingConfig, rank, rank_particles
@@ -112,7 +112,7 @@ class Situation:
 
     def infos(self, model: PolytopeModel, criterion: str = "log-det") -> list[TossInformation]:
         """What a criterion needs to know of all tosses at one of the models: their Gauss-Newton information, if anything."""
-        scores = toss_scorer(replace(ScoringConfig(), loss=PUBLISHED_LOSS), criterion)(model, self.tosses)
+        scores = toss_scorer(replace(ScoringConfig(), loss=ONE_THREAD), criterion)(model, self.tosses)
         return [one for one in scores if isinstance(one, TossInformation)]
 
     def rng(self) -> np.random.Generator:
@@ -151,7 +151,7 @@ def leverage_drawn(situation: Situation) -> Choice:
 def by_expected(situation: Situation) -> Choice:
     """Log-det of the information that the model expects, at the release alone."""
     model, tosses = situation.models[0], situation.tosses
-    particle = Particle(model.geometry(), model.body, PUBLISHED_LOSS)
+    particle = Particle(model.geometry(), model.body, ONE_THREAD)
     motions = foreseen_motions(particle, tosses)
     fishers = information_of_executions(particle, motions, DEFAULT_PREDICTION.executions).fishers.mean(axis=1)
     told = {toss.toss_id: fisher for toss, fisher in zip(tosses, fishers, strict=True)}
@@ -221,7 +221,7 @@ def run_trial(tosses: tuple[Toss, ...], reference: ContactGeometry, trial: Trial
     choice = chosen_by(trial, bench, pool)
     start, data = bench.initial_polytope(trial.seed), selected_transitions(pool, choice.ids, bench.body.length_scale)
     if trial.rule in TRIMMED:
-        model = optimum(start, data, PUBLISHED_LOSS, TRIMMED[trial.rule]).model
+        model = optimum(start, data, ONE_THREAD, TRIMMED[trial.rule]).model
     else:
         model = fit_held(start, data, FIT, weights=_weights(choice, data.toss_ids)).model
     return {**judged(model, bench), "count": len(choice.ids), "selected": " ".join(choice.ids)}

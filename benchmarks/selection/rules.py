@@ -39,7 +39,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.design.execution_noise import ExecutionNoise, balanced_draws
 from contact_curation.design.predicted_information import DEFAULT_PREDICTION, Motions, Particle, predicted_motions
 from contact_curation.experiments.cell import Cell
-from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS, Bench, run_cell, select
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, run_cell, select
 from contact_curation.experiments.faults import Fault
 from contact_curation.experiments.rules import BASELINES, RULES
 from contact_curation.experiments.summary import summarised
@@ -161,7 +161,7 @@ def print_rig(bench: Bench, evidence: RigMeasurements) -> None:
 def _errors(bench: Bench, geometry: ContactGeometry) -> tuple[float, float]:
     """Mean position [%] and rotation [deg] errors of a polytope on the training tosses."""
     model = PolytopeModel(geometry, bench.body, Form.PHYSICAL)
-    errors = evaluate_model(model, bench.training, EvaluationConfig(loss=PUBLISHED_LOSS)).errors
+    errors = evaluate_model(model, bench.training, EvaluationConfig(loss=ONE_THREAD)).errors
     return float(errors.position.mean()), float(errors.rotation.mean())
 
 
@@ -169,7 +169,7 @@ def print_why(bench: Bench) -> None:
     """Which friction sets of tosses say."""
     model = PolytopeModel(bench.reference, bench.body, Form.PHYSICAL)
     data = transitions_of(bench.training, bench.body.length_scale)
-    sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, PUBLISHED_LOSS)
+    sums = polytope_sums(model, data, Estimator.GAUSS_NEWTON, ONE_THREAD)
     scores, information = sums.scores[:, FRICTION], sums.fishers[:, FRICTION, FRICTION]
     friction = float(np.linalg.norm(bench.reference.tangents[0]))
     print(f"friction that tosses say, all else as in the fit to all {len(bench.training)}, which says {friction:.4f}\n")
@@ -203,7 +203,7 @@ def traits(bench: Bench) -> dict[str, Array]:
 
 def expected_slides(bench: Bench) -> Array:
     """(K,) how far across the board the fit expects the training tosses to come [m]."""
-    motions = foreseen_motions(Particle(bench.reference, bench.body, PUBLISHED_LOSS), bench.training)
+    motions = foreseen_motions(Particle(bench.reference, bench.body, ONE_THREAD), bench.training)
     ends = motions.states[np.arange(len(motions.states)), motions.frames - 1, :2]
     across = bench.body.length_scale * np.linalg.norm(ends - motions.states[:, 0, :2], axis=1)
     return np.asarray(across.reshape(-1, DEFAULT_PREDICTION.executions).mean(axis=1))

@@ -46,9 +46,9 @@ ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """Cells run side by side."""
 
 PUBLISHED_LOSS = replace(ONE_THREAD, balanced=False)
-"""That of the experiments: their stored results were made with the published weights."""
+"""That of designed throws: their stored results were made with the published weights."""
 
-FIT, BALANCED_FIT = HeldFitConfig(loss=PUBLISHED_LOSS), HeldFitConfig(loss=ONE_THREAD)
+FIT = HeldFitConfig(loss=ONE_THREAD)
 
 JUDGES = 1.0 / 3.0
 """Share of the tosses that judges, where a seed divides them."""
@@ -187,7 +187,7 @@ def pool_of_cell(cell: Cell, bench: Bench) -> GatedPool:
 
 def select(rule: Rule, model: Model, tosses: Sequence[Toss], size: int, seed: int) -> tuple[str, ...]:
     """Ids of what a rule keeps, scored at a model's theta."""
-    scores = toss_scorer(replace(rule.scoring(), loss=PUBLISHED_LOSS), rule.criterion)(model, tosses)
+    scores = toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion)(model, tosses)
     pool = pool_of(one for one in scores if isinstance(one, TossInformation))
     return rank_particles([pool], rule.ranking(size, seed)).selected_ids
 
@@ -252,7 +252,7 @@ def _first_selection(
     size = len(tosses) if cell.size == ALL else cell.size
     again = {"epochs": EPOCHS} if cell.protocol == Protocol.PUBLISHED else {"staleness": STALENESS}
     ranking = RerankingConfig(rule.ranking(size, cell.seed), **(again if rule.reranked else {}))
-    reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=PUBLISHED_LOSS), rule.criterion), ranking)
+    reranking = Reranking(tosses, toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion), ranking)
     return reranking, reranking.select(model).toss_ids
 
 
@@ -265,8 +265,8 @@ def _watched(tosses: tuple[Toss, ...]) -> tuple[tuple[Toss, ...], tuple[Toss, ..
 def _protocol(cell: Cell) -> TrainingConfig:
     kind = cell.model
     if cell.protocol == Protocol.PUBLISHED:
-        return replace(published(kind), loss=PUBLISHED_LOSS)
-    return replace(budgeted(kind), steps=cell.steps, loss=PUBLISHED_LOSS, evaluation_steps=cell.steps)
+        return replace(published(kind), loss=ONE_THREAD)
+    return replace(budgeted(kind), steps=cell.steps, loss=ONE_THREAD, evaluation_steps=cell.steps)
 
 
 def _data(bench: Bench, tosses: Sequence[Toss], selected: Sequence[str]) -> Transitions:
@@ -281,7 +281,7 @@ def judged(model: Model, bench: Bench) -> Row:
     """
     if not bench.held_out:
         raise InvalidValueError("held-out tosses", "none", "some to judge by")
-    found = evaluate_model(model, bench.held_out, EvaluationConfig(loss=PUBLISHED_LOSS))
+    found = evaluate_model(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD))
     row = motion_row(found.errors)
     geometry = model.geometry()
     if found.shape is None or geometry is None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Planned
-from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS, Bench, Row
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.fits.polytope_fit import FitConfig, fit_polytope
@@ -51,9 +51,9 @@ def calibration_rows(cell: CalibrationCell, bench: Bench) -> tuple[Row, ...]:
     scale = bench.body.length_scale
     data = transitions_of([bench.training[place] for place in np.sort(chosen)], scale)
     begun = fit_held(bench.initial_polytope(cell.seed), data, FIT).model
-    model = fit_polytope(begun, data, FitConfig(PUBLISHED_LOSS)).model
+    model = fit_polytope(begun, data, FitConfig(ONE_THREAD)).model
     others = transitions_of(bench.held_out, scale)
-    found = calibration(model, data, others, cell.resamples, cell.seed, KnownConfig(PUBLISHED_LOSS))
+    found = calibration(model, data, others, cell.resamples, cell.seed, KnownConfig(ONE_THREAD))
     names = dict.fromkeys(kind_of(parameter.name) for parameter in found.known.parameters)
     return tuple(_row(name, found) for name in names)
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS, Bench, Row
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors
 from contact_curation.learning.evaluation.motion_errors import MotionErrors, motion_errors
@@ -28,7 +28,7 @@ def judged_by_engines(model: PolytopeModel, bench: Bench, contact: tuple[float, 
     """
     shape = shape_errors(model)
     assert shape is not None  # of a polytope
-    ours = predicted_motions(model, bench.held_out, EvaluationConfig(loss=PUBLISHED_LOSS)).errors
+    ours = predicted_motions(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors
     row: Row = {"vertices": shape.vertex_rms_mm, "friction": shape.friction}
     for judge, errors in zip(JUDGES, (ours, _in_mujoco(model, shape.friction, bench, contact)), strict=True):
         for name in ("position", "rotation"):

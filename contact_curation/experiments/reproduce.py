@@ -59,7 +59,6 @@ def add_options(parser: OneLineParser) -> None:
     group.add_argument("--bodies", nargs="+", metavar="BODY", help="cube, square, slab, wedge, irregular")
     group.add_argument("--refits", type=positive_integer, metavar="N", help="of each body (counterfactuals; default 400)")
     group.add_argument("--at-fit", action="store_true", help="select at the fit to all tosses (criteria)")
-    group.add_argument("--balanced", action="store_true", help="fits and scores have the balanced loss (criteria)")
     group.add_argument("--quick", action="store_true", help="sets of two tosses and two seeds, to see that it works")
     group.add_argument("--jobs", type=positive_integer, default=1, metavar="N", help="cells at once (default 1)")
     add_json_option(parser)

@@ -1,9 +1,8 @@
 """The rules that experiments compare, by the names that tables show (method.md 1.12)."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.information.ranker import DEFAULT_CRITERION, RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 
@@ -40,8 +39,8 @@ class Rule:
         return RankingConfig(self.criterion, top, seed, variant=self.variant, certificate_steps=0)
 
     def scoring(self) -> ScoringConfig:
-        """How tosses are scored for it: with the published weights of the loss, by which the stored results were made."""
-        return ScoringConfig(self.estimator, loss=replace(DEFAULT_LOSS, balanced=False))
+        """How tosses are scored for it."""
+        return ScoringConfig(self.estimator)
 
 
 _OWN = {

@@ -13,7 +13,7 @@ from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.cell import Cell, Planned
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS, Bench, Row, pool_of_cell
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row, pool_of_cell
 from contact_curation.experiments.rules import RULES
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.diagnostics import SpectralDistance, spectral_distance
@@ -59,7 +59,7 @@ def _scored(cell: TheoremCell, bench: Bench) -> Pool:
     """Gauss-Newton information, whatever the rule ranks by: one judge for all."""
     tosses = pool_of_cell(Cell(cell.rule, 1, cell.seed), bench).tosses
     model = PolytopeModel(bench.reference, bench.body, Form.PHYSICAL)
-    scores = toss_scorer(ScoringConfig(Estimator.GAUSS_NEWTON, loss=PUBLISHED_LOSS), "log-det")(model, tosses)
+    scores = toss_scorer(ScoringConfig(Estimator.GAUSS_NEWTON, loss=ONE_THREAD), "log-det")(model, tosses)
     return pool_of(one for one in scores if isinstance(one, TossInformation))
 
 

@@ -4,7 +4,7 @@ A seed draws the third of the tosses that judges, and theta_0; both are the same
 theta_0 and at what was learned from its last two sets, as in `cell_run`; those that do not depend on theta once. Or all rules
 select once, at the fit to all training tosses, where information is as right as it can be, and all fits start there: then rules
 differ by their sets alone, not by where a descent ends. The model is a polytope with one set of vertices and learned noise of
-impacts, fitted to the optimum.
+impacts, fitted to the optimum; of a body that bounces with a restitution, as `train` learns it from one start.
 """
 
 from collections.abc import Sequence
@@ -17,16 +17,19 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.bodies import BODIES, BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
-from contact_curation.experiments.cell_run import BALANCED_FIT, FIT, Bench, Row
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.experiments.comparison.baselines import BASELINES, Weights
 from contact_curation.experiments.comparison.datamodel import Datamodel, datamodel_of
 from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.experiments.engines import judged_by_engines
 from contact_curation.experiments.rules import RULES, Rule
+from contact_curation.information.impacts import as_described
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import moved_by_theta, rank_particles
 from contact_curation.information.record import TossInformation
-from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
+from contact_curation.learning.evaluation.rebounds import rebound_of
+from contact_curation.learning.fits.exact_fit import with_rebound
+from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.fits.refits import RefitConfig, RefitPool
 from contact_curation.learning.training.curated import selected_transitions, toss_scorer
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
@@ -52,7 +55,6 @@ class Compared(Planned):
         size: how many tosses; all of them for the rule `all`.
         seed: see the module.
         at_fit: whether it selects at the fit to all training tosses.
-        balanced: whether fits and scores have the balanced loss.
     """
 
     body: str
@@ -60,17 +62,11 @@ class Compared(Planned):
     size: int
     seed: int
     at_fit: bool = False
-    balanced: bool = False
 
     def __post_init__(self) -> None:
         for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES, COUNTERFACTUAL])):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
-
-    @property
-    def fit(self) -> HeldFitConfig:
-        """How polytopes are fitted to the optimum."""
-        return BALANCED_FIT if self.balanced else FIT
 
 
 @lru_cache(maxsize=1)
@@ -86,10 +82,10 @@ def _origin(body: str, seed: int) -> PolytopeModel:
 
 
 @lru_cache(maxsize=2)
-def _start(body: str, seed: int, at_fit: bool, fit: HeldFitConfig) -> PolytopeModel:
+def _start(body: str, seed: int, at_fit: bool) -> PolytopeModel:
     """Where rules select first and fits start: theta_0, or the fit to all training tosses."""
     bench, origin = _bench(body, seed), _origin(body, seed)
-    return _fitted(origin, None, bench, _all(bench), fit) if at_fit else origin
+    return _fitted(origin, None, bench, _all(bench)) if at_fit else origin
 
 
 def _all(bench: Bench) -> Weights:
@@ -105,10 +101,9 @@ def compared_row(cell: Compared) -> Row:
     bench = _bench(cell.body, cell.seed)
     if cell.size > len(bench.training):
         raise InvalidValueError("--sizes", cell.size, f"at most {len(bench.training)}, the training tosses of {cell.body}")
-    start = _start(cell.body, cell.seed, cell.at_fit, cell.fit)
-    origin = _origin(cell.body, cell.seed) if cell.at_fit else None
+    start, origin = _start(cell.body, cell.seed, cell.at_fit), _origin(cell.body, cell.seed) if cell.at_fit else None
     chosen = _selected(cell, bench, start)
-    model = _fitted(start, origin, bench, chosen, cell.fit)
+    model = _fitted(start, origin, bench, chosen)
     return {**judged_by_engines(model, bench), "selected": " ".join(chosen)}
 
 
@@ -116,25 +111,24 @@ def _selected(cell: Compared, bench: Bench, start: PolytopeModel) -> Weights:
     if cell.rule == ALL:
         return _all(bench)
     if cell.rule == COUNTERFACTUAL:
-        places = _datamodel(cell.body, cell.seed, cell.fit).best(cell.size, np.random.default_rng([cell.seed, cell.size, 23]))
+        places = _datamodel(cell.body, cell.seed).best(cell.size, np.random.default_rng([cell.seed, cell.size, 23]))
         return {bench.training[place].toss_id: 1.0 for place in places}
     once = cell.at_fit or cell.rule in ONCE or (cell.rule in RULES and not RULES[cell.rule].reranked)
-    first = _first_pool(cell.body, cell.seed, cell.at_fit, cell.fit, _scored_as(cell))
-    model, chosen = start, _chosen(cell, first, bench.training)
+    model, chosen = start, _chosen(cell, _first_pool(cell.body, cell.seed, cell.at_fit, _scored_as(cell)), bench.training)
     for _ in range(0 if once else EXACT_SELECTIONS - 1):
-        model = _fitted(model, None if model is start else start, bench, chosen, cell.fit)
-        before, chosen = chosen, _chosen(cell, _pool(model, bench.training, cell.fit, _scored_as(cell)), bench.training)
+        model = _fitted(model, None if model is start else start, bench, chosen)
+        before, chosen = chosen, _chosen(cell, _pool(model, bench.training, _scored_as(cell)), bench.training)
         if chosen == before:
             break
     return chosen
 
 
 @lru_cache(maxsize=1)
-def _datamodel(body: str, seed: int, fit: HeldFitConfig) -> Datamodel:
+def _datamodel(body: str, seed: int) -> Datamodel:
     """What foresees sets of the training tosses."""
     bench = _bench(body, seed)
-    data = transitions_of(bench.training, bench.body.length_scale)
-    pool = RefitPool(data, _origin(body, seed), _start(body, seed, True, fit), RefitConfig(fit))
+    data = as_described(transitions_of(bench.training, bench.body.length_scale), _origin(body, seed).geometry(), bench.body)
+    pool = RefitPool(data, _origin(body, seed), _start(body, seed, True), RefitConfig(FIT))
     return datamodel_of(pool, bench.training, seed)
 
 
@@ -144,16 +138,16 @@ def _scored_as(cell: Compared) -> Rule:
     return Rule("herding" if moved_by_theta(rule.criterion) else "random", rule.estimator)
 
 
-def _pool(model: PolytopeModel, tosses: Sequence[Toss], fit: HeldFitConfig, rule: Rule) -> Pool:
+def _pool(model: PolytopeModel, tosses: Sequence[Toss], rule: Rule) -> Pool:
     """The tosses as a rule reads them at a model's theta."""
-    scores = toss_scorer(replace(rule.scoring(), loss=fit.loss), rule.criterion)(model, tosses)
+    scores = toss_scorer(replace(rule.scoring(), loss=ONE_THREAD), rule.criterion)(model, tosses)
     return pool_of(one for one in scores if isinstance(one, TossInformation))
 
 
 @lru_cache(maxsize=3)
-def _first_pool(body: str, seed: int, at_fit: bool, fit: HeldFitConfig, rule: Rule) -> Pool:
+def _first_pool(body: str, seed: int, at_fit: bool, rule: Rule) -> Pool:
     """The training tosses where rules select first, for all rules and sizes that read the same scores."""
-    return _pool(_start(body, seed, at_fit, fit), _bench(body, seed).training, fit, rule)
+    return _pool(_start(body, seed, at_fit), _bench(body, seed).training, rule)
 
 
 def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:
@@ -164,8 +158,9 @@ def _chosen(cell: Compared, pool: Pool, tosses: Sequence[Toss]) -> Weights:
     return dict.fromkeys(sorted(rank_particles([pool], ranking).selected_ids), 1.0)
 
 
-def _fitted(
-    model: PolytopeModel, origin: PolytopeModel | None, bench: Bench, chosen: Weights, fit: HeldFitConfig
-) -> PolytopeModel:
-    data = selected_transitions(bench.training, tuple(chosen), bench.body.length_scale)
-    return fit_held(model, data, fit, origin, [chosen[name] for name in data.toss_ids]).model
+def _fitted(model: PolytopeModel, origin: PolytopeModel | None, bench: Bench, chosen: Weights) -> PolytopeModel:
+    seen = selected_transitions(bench.training, tuple(chosen), bench.body.length_scale)
+    bounces = model.geometry().restitution is not None
+    prior, fit = with_rebound(origin or model, FIT, rebound_of(seen, bench.body) if bounces else None)
+    data, weights = as_described(seen, model.geometry(), bench.body), [chosen[name] for name in seen.toss_ids]
+    return (fit_held(model, data, fit, prior, weights) if origin else fit_held(prior, data, fit, None, weights)).model

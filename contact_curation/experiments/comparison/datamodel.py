@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import ONE_THREAD
 from contact_curation.experiments.counterfactuals.scores import Known, foreseen, whitened
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
@@ -82,7 +82,7 @@ def datamodel_of(pool: RefitPool, tosses: Sequence[Toss], seed: int) -> Datamode
         size = min(SIZES[number % len(SIZES)], len(tosses) // 2)
         chosen, judging = np.sort(order[:size]), order[size : size + LEFT_OUT]
         model = pool.refit(chosen).model
-        errors = predicted_motions(model, [tosses[place] for place in judging], EvaluationConfig(loss=PUBLISHED_LOSS)).errors
+        errors = predicted_motions(model, [tosses[place] for place in judging], EvaluationConfig(loss=ONE_THREAD)).errors
         rows.append(features(known, chosen))
         outcomes.append(float(np.log(np.nanmean(errors.position)) + np.log(np.nanmean(errors.rotation))))
     return Datamodel(known, ridge(np.array(rows), np.array(outcomes)))

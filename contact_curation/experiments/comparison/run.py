@@ -30,7 +30,7 @@ def _cells(arguments: Arguments) -> list[Compared]:
     bodies, rules = arguments.bodies or BODIES, arguments.rules or RULES_COMPARED
     sizes, seeds = ((2,), 2) if arguments.quick else (arguments.sizes or SIZES, arguments.seeds or SEEDS)
     return [
-        Compared(body, rule, size, seed, arguments.at_fit, arguments.balanced)
+        Compared(body, rule, size, seed, arguments.at_fit)
         for body in dict.fromkeys(bodies)
         for seed in range(seeds)
         for size in dict.fromkeys(sizes)

@@ -11,7 +11,7 @@ import numpy as np
 from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
-from contact_curation.experiments.cell_run import FIT, PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.experiments.counterfactuals.refitted import Laboratory
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.fits.damped_descent import DescentLimits, Iterate, descend
@@ -76,6 +76,6 @@ def sketched(pull: Array, scores: Array, whole: Array, projection: Array) -> Arr
 def toss_scores(model: PolytopeModel, data: Transitions, weights: Array) -> Array:
     """(K, P) exact scores of tosses, the sums over their solved transitions under weights (N,)."""
     geometry = model.geometry()
-    found = evaluate(geometry, model.body, data.before, data.after, data.dt, PUBLISHED_LOSS)
+    found = evaluate(geometry, model.body, data.before, data.after, data.dt, ONE_THREAD)
     each = np.where(found.solved, weights, 0.0)[:, None] * np.nan_to_num(found.scores)
     return np.asarray(np.add.reduceat(each, data.starts[:-1], axis=0) @ parameter_form(geometry, Form.RIGID).chart)

@@ -93,10 +93,7 @@ def optimum(
         shape: standard deviation of what is known of the vertices of theta_0 [characteristic lengths]; None for the spread of
             the published initialisation.
     """
-    config = HeldFitConfig(loss=loss, shape=shape)
-    if rebound is not None:
-        start = PolytopeModel(replace(start.geometry(), restitution=rebound.restitution), start.body, start.form)
-        config = replace(config, restitution_spread=rebound.error)
+    start, config = with_rebound(start, HeldFitConfig(loss=loss, shape=shape), rebound)
     with np.errstate(all="ignore"):  # `Optimum.finite` reports numbers that are not finite
         found = fit_held(start, data, config) if starts == 1 else _from_lowest(start, data, config, starts)
         steps, kept = found.steps, np.ones(len(data.dt), dtype=bool)
@@ -107,6 +104,14 @@ def optimum(
             found = fit_held(found.model, _only(data, kept), config, origin=start)
             steps += found.steps
     return Optimum(found.model, steps, bool(np.isfinite(found.objective)))
+
+
+def with_rebound(start: PolytopeModel, config: HeldFitConfig, rebound: Rebound | None) -> tuple[PolytopeModel, HeldFitConfig]:
+    """Theta_0 and a configuration whose prior of the restitution is what first impacts show of it, if they do."""
+    if rebound is None:
+        return start, config
+    shown = replace(start.geometry(), restitution=rebound.restitution)
+    return PolytopeModel(shown, start.body, start.form), replace(config, restitution_spread=rebound.error)
 
 
 def lowest_minimum(origin: PolytopeModel, data: Transitions, config: HeldFitConfig, starts: int) -> HeldFit:
