@@ -116,10 +116,11 @@ def stores_page() -> str:
         "",
     ]
     lines += [
-        "`head` is JSON, `extra` JSON with the source of the record. `arrays` has the length of a JSON list (uint32), the"
+        "`head` is JSON with Python's `Infinity` and `NaN`, which some readers refuse; `extra` is JSON with the source of"
     ]
-    lines += ["list, an entry `[name, dtype, shape]` for each array, and then their numbers, all little-endian"]
-    lines += ["(`record_table.py`). Each blob ends with a CRC-32 over its row (`seal.py`): what a disk changed is refused."]
+    lines += ["the record. `arrays` has the length of a JSON list (uint32), the list, an entry `[name, dtype, shape]` for each"]
+    lines += ["array, and then their numbers, all little-endian (`record_table.py`). Each blob ends with a CRC-32 over its row"]
+    lines += ["(`seal.py`): what a disk changed is refused."]
     lines += ["A node takes its store for itself and looks through all of it when it starts; others may read.", ""]
     lines += [
         "## Records of the nodes",
