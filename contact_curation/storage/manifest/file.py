@@ -9,8 +9,9 @@
 
 Text is UTF-8, lines end with LF, and cells with commas, quotes or line ends are quoted. The reasons in a cell are a
 JSON list. JSON has no numbers that are not finite: strings "NaN", "Infinity" and "-Infinity" stand for them, in the
-head, too, as for an `influence_bound` without a bound. The head is everything that is not about a single toss. Tosses
-come by rank, and then those without one. The same manifest always gives the same bytes.
+head, too, as for an `influence_bound` without a bound. Stamps have up to 63 bits, of which JavaScript and
+spreadsheets keep 53. The head is everything that is not about a single toss. Tosses come by rank, and then those
+without one. The same manifest always gives the same bytes.
 """
 
 import csv
