@@ -68,12 +68,13 @@ def run(arguments: argparse.Namespace) -> int:
     rigid = evidence.departure is None
     centre = None if not rigid else evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig)
     move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
+    options = " ".join(one for one in (move, settings) if one)
     needed = bool(move) or evidence.tracked is not None or not found.needs_none
     if arguments.json:
-        told = _document(found, warnings) | {"correction_needed": needed, "settings": settings}
+        told = _document(found, warnings) | {"correction_needed": needed, "settings": options}
         print_json(told | {"mass_centre": _centre_document(centre, move)})
     else:
-        print("\n".join((*_lines(found), _centre_line(centre, move, rigid), *_ways_to_correct(needed, settings, move))))
+        print("\n".join((*_lines(found), _centre_line(centre, move, rigid), *_ways_to_correct(needed, options))))
     return 0
 
 
@@ -147,11 +148,11 @@ def _centre_line(centre: MassCentre | None, option: str, rigid: bool) -> str:
     return f"mass    bodies in the air turn about a point {1e3 * centre.distance:.1f} mm from the described centre of mass"
 
 
-def _ways_to_correct(needed: bool, settings: str, move: str) -> Iterator[str]:
+def _ways_to_correct(needed: bool, options: str) -> Iterator[str]:
     if not needed:
         yield NO_CORRECTION_NEEDED
-    elif said := " ".join(one for one in (move, settings) if one):
-        yield f"options that correct the tosses in other commands: {said}"
+    elif options:
+        yield f"options that correct the tosses in other commands: {options}"
 
 
 def _times(one: Estimate, factor: float) -> Estimate:

@@ -111,18 +111,8 @@ class RankedTosses:
         counts: dict[str, Counter[str]] = {one.path: Counter() for one in self.manifest.run.inputs}
         for row in self.manifest.rows:
             if row.rank is None:
-                counts.setdefault(self.given_input(row), Counter())[_outcome(row)] += 1
+                counts.setdefault(self.manifest.given_input(row), Counter())[_outcome(row)] += 1
         return {path: dict(sorted(found.items(), key=lambda one: (-one[1], one[0]))) for path, found in counts.items()}
-
-    def given_input(self, row: ManifestRow) -> str:
-        """The recording of a toss as it was given: for one of ContactNets' files perhaps the folder that it is in."""
-        if row.input in self._given:
-            return row.input
-        return next((folder for folder in map(str, Path(row.input).parents) if folder in self._given), row.input)
-
-    @cached_property
-    def _given(self) -> frozenset[str]:
-        return frozenset(one.path for one in self.manifest.run.inputs)
 
     def evidence(self) -> Curation:
         """The curation.
@@ -316,7 +306,7 @@ def _totals(ranked: RankedTosses) -> Iterator[str]:
 
 def _worst_inputs(ranked: RankedTosses) -> Iterator[str]:
     """The recordings with the largest shares of rejected tosses, where there are several and some lost half of theirs."""
-    tosses = Counter(map(ranked.given_input, ranked.manifest.rows))
+    tosses = Counter(map(ranked.manifest.given_input, ranked.manifest.rows))
     rejected = {path: reasons for path, reasons in ranked.rejected_by_input.items() if reasons and len(tosses) > 1}
     shares = {path: sum(reasons.values()) / tosses[path] for path, reasons in rejected.items()}
     worst = sorted((path for path, share in shares.items() if share >= HALF), key=lambda path: -shares[path])

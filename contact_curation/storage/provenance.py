@@ -69,8 +69,9 @@ class InputProvenance:
 
     Attributes:
         path: path as given.
-        sha256: SHA-256 digest of its bytes.
-        losses: what could not be read, one line each (`BagReader.losses`).
+        sha256: SHA-256 digest of its bytes, of several files that of their digests and names, on a server a digest of size and
+            ETag; empty if it could not be read.
+        losses: what could not be read, one line each.
     """
 
     path: str

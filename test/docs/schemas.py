@@ -43,6 +43,9 @@ JSON_COMMANDS = {
     "check": ["check", GOLDEN],
     "rank": ["rank", GOLDEN, "--top", "3", "--no-figure"],
     "rig": ["rig", GOLDEN],
+    "train": ["train", GOLDEN, "--held-out", "14-20", "--out", "{folder}/cube.safetensors"],
+    "evaluate": ["evaluate", "{folder}/cube.safetensors", GOLDEN],
+    "score": ["score", GOLDEN, "--params", "{folder}/cube.safetensors", "--out", "{folder}/scores.npz"],
     "design": ["design", "--baseline", "prior", "--throws", "2", "--out", "{folder}/throws.json"],
     "simulate": ["simulate", "{folder}/throws.json", "--out", "{folder}/simulated.mcap"],
     "export": ["export", GOLDEN, "--manifest", "{folder}/ranked.json", "--format", "mcap", "--out", "{folder}/selected"],
@@ -108,16 +111,29 @@ def stores_page() -> str:
             "",
         ]
         lines += ["```sql", *(_wrapped(statement) for statement in schema.statements), "```", ""]
-    lines += ["`head` is JSON, `arrays` a JSON list of arrays and behind it their numbers (`record_table.py`), `extra` JSON"]
-    lines += ["with the source of the record. Each blob ends with a CRC-32 over its row (`seal.py`): what a disk changed is"]
-    lines += ["refused."]
+    lines += [
+        "These are the nodes' defaults; in a [recorded session](../how-to/online.md) a store is `stores/NODE.sqlite`.",
+        "",
+    ]
+    lines += [
+        "`head` is JSON with Python's `Infinity` and `NaN`, which some readers refuse; `extra` is JSON with the source of"
+    ]
+    lines += ["the record. `arrays` has the length of a JSON list (uint32), the list, an entry `[name, dtype, shape]` for each"]
+    lines += ["array, and then their numbers, all little-endian (`record_table.py`). Each blob ends with a CRC-32 over its row"]
+    lines += ["(`seal.py`): what a disk changed is refused."]
     lines += ["A node takes its store for itself and looks through all of it when it starts; others may read.", ""]
     lines += [
         "## Records of the nodes",
         "",
         "Values of the table `states`: one JSON object each, with its fields and a `format`",
     ]
-    lines += [f"(now {records.FORMAT}). The key is the name below.", ""]
+    lines += [
+        f"(now {records.FORMAT}). The key is the name below; `header` and `first loss` are followed by `/` and a toss's id."
+    ]
+    lines += [
+        "Values of other keys are no JSON: `parameters`, `next_parameters` and `theta` are the bytes of a `.safetensors` file,"
+    ]
+    lines += ["`model` and `next_model` the name of a kind of model. An empty one stands for none.", ""]
     kinds: list[Any] = [kind for _, kind in inspect.getmembers(records, inspect.isclass) if "KEY" in vars(kind)]
     for kind in kinds:
         lines += [f"### {kind.__name__}, key `{kind.KEY}`", "", inspect.cleandoc(kind.__doc__ or "").splitlines()[0], ""]
@@ -129,31 +145,37 @@ def json_page() -> str:
     """What `--json` prints, by verb."""
     lines = ["# JSON output", "", WRITTEN, ""]
     lines += ["With `--json` a verb prints one object on standard output and nothing else. The outlines below are those of the"]
-    lines += ["commands above them: keys, and the type of each value. A number that is not finite is `null`.", ""]
+    lines += ["commands above them: keys, and the types of their values; where entries of a list differ, all of their types."]
+    lines += [
+        "A number that is not finite is `null`. Units are SI, unless a name or the [command](../commands.md) says another."
+    ]
+    lines += ["Keys that are paths, reasons or names of tosses stand for all of their kind.", ""]
     with tempfile.TemporaryDirectory() as folder:
         _output(["rank", GOLDEN, "--top", "3", "--no-figure", "--out", f"{folder}/ranked.json"])
         for verb, words in JSON_COMMANDS.items():
             command = [word.format(folder=folder) for word in words]
             document = json.loads(_output([*command, "--json"]))
             shown = " ".join(word.format(folder="DIR") for word in words)
-            lines += [f"## {verb}", "", f"    contact-curation {shown} --json", "", "```", *outline(document), "```", ""]
+            held = [line.replace(folder, "DIR") for line in outline(document)]
+            lines += [f"## {verb}", "", f"    contact-curation {shown} --json", "", "```", *held, "```", ""]
     return "\n".join(lines)
 
 
-def outline(value: Any, indent: str = "") -> Iterator[str]:
-    """The keys of an object and the types of their values; of a list its first entry."""
-    for name, part in value.items():
-        depth = 0
-        while isinstance(part, list) and part:
-            part, depth = part[0], depth + 1
-        kind = "object" if isinstance(part, dict) else "list" if isinstance(part, list) else _json_type(part)
-        yield f"{indent}{name}: {'list of ' * depth}{kind}"
-        if isinstance(part, dict):
-            yield from outline(part, indent + "    ")
+def outline(*values: Mapping[str, Any], indent: str = "") -> Iterator[str]:
+    """The keys of objects of one kind and the types of their values."""
+    for name in dict.fromkeys(name for value in values for name in value):
+        parts, depth = [value[name] for value in values if name in value], 0
+        while any(isinstance(part, list) and part for part in parts):
+            parts, depth = [one for part in parts if isinstance(part, list) for one in part], depth + 1
+        kinds = dict.fromkeys(map(_json_type, parts))
+        kinds = {kind: None for kind in kinds if kind != "integer" or "number" not in kinds}
+        yield f"{indent}{name}: {'list of ' * depth}{' or '.join(kinds)}"
+        yield from outline(*(part for part in parts if isinstance(part, dict)), indent=indent + "    ")
 
 
 def _json_type(value: object) -> str:
-    return {bool: "true or false", int: "integer", float: "number", str: "text"}.get(type(value), "null")
+    kinds = {bool: "true or false", int: "integer", float: "number", str: "text", dict: "object", list: "list"}
+    return kinds.get(type(value), "null")
 
 
 def _wrapped(statement: str) -> str:

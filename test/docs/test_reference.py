@@ -46,10 +46,10 @@ def test_the_outlines_of_json_are_those_of_the_commands_output(name: str) -> Non
 
 
 def test_an_outline_names_keys_types_and_what_lists_hold() -> None:
-    assert list(schemas.outline({"a": [{"b": 1.5, "c": None}], "d": [[1]], "e": True})) == [
+    assert list(schemas.outline({"a": [{"b": 1.5, "c": None}, {"b": 2, "c": "x"}], "d": [[1]], "e": True})) == [
         "a: list of object",
         "    b: number",
-        "    c: null",
+        "    c: null or text",
         "d: list of list of integer",
         "e: true or false",
     ]

@@ -1,7 +1,8 @@
 """ContactNets' public tosses: one PyTorch file each, a float64 tensor (1, T, 19) (arXiv 2009.11193, DAIRLab/contact-nets).
 
 A row is position (3), orientation wxyz (4), linear velocity (3), angular velocity in the body's frame (3), control (6). Lengths
-are in half widths of the cube; frames are 1/148 s apart. Files are read as plain tensors; pickled objects are never unpickled.
+are in half widths of the cube; frames are 1/148 s apart. Positions and velocities are those of the frame that the tracker
+followed, wherever the body has its centre of mass. Files are read as plain tensors; pickled objects are never unpickled.
 """
 
 import re
@@ -20,7 +21,8 @@ import numpy as np
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.calibration import apply_calibration
+from contact_curation.geometry.scalars import vector
+from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.gates import inspect
 from contact_curation.motion.restored_toss import restored
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
@@ -96,7 +98,7 @@ def read_contactnets(path: Path, body: Body = CONTACTNETS_CUBE) -> Iterator[Toss
 
 
 def read_contactnets_toss(file: Path, body: Body = CONTACTNETS_CUBE) -> Toss:
-    """Reads one toss in SI units; its id follows from the file's name, and its stamps begin at zero.
+    """Reads one toss in SI units, as it was tracked; its id follows from the file's name, and its stamps begin at zero.
 
     Raises:
         UnreadableInputError: the file does not contain such a tensor, or its numbers are not a toss.
@@ -116,6 +118,16 @@ def read_contactnets_toss(file: Path, body: Body = CONTACTNETS_CUBE) -> Toss:
         )
     except InvalidValueError as error:
         raise UnreadableInputError(file, str(error)) from error
+
+
+def of_center_of_mass(toss: Toss, body: Body) -> Toss:
+    """The motion of the body's centre of mass, where `toss` is that of the frame that the tracker followed, as in the files."""
+    return apply_calibration(toss, RigCalibration(marker_offset=vector(body.center_of_mass)))
+
+
+def of_tracked_frame(toss: Toss, body: Body) -> Toss:
+    """The inverse of `of_center_of_mass`."""
+    return apply_calibration(toss, RigCalibration(marker_offset=vector(-body.center_of_mass)))
 
 
 def _natural(file: Path) -> list[tuple[int, str]]:
@@ -202,7 +214,8 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
 
 def _gated(file: Path, digest: str, body: Body, config: InputsConfig) -> Found:
     stored = read_contactnets_toss(file, body)
-    toss = stored if config.as_stored else apply_calibration(restored(stored).toss, config.rig)
+    tracked = stored if config.as_stored else restored(stored).toss
+    toss = apply_calibration(of_center_of_mass(tracked, body), config.rig)
     reasons = inspect(toss, body, config.gates, config.segmenter.tracker)
     return Found(Rejected(toss, reasons) if reasons else toss, TossProvenance(str(file), digest))
 

@@ -99,7 +99,6 @@ class PoseWriter:
         self._messages, self._last_ns = RigMessages(rig, f"body_{body.name}"), 0
         self._upright = UPRIGHT[up]
         self.poses, self.moved, self.seconds = 0, 0, 0.0
-        bag.write("/tf_static", self._messages.board(), 0, latched=True)
 
     def write(self, poses: Iterable[tuple[int, ScalarPose]]) -> int:
         """Adds a recording, stamps [ns] and poses; returns their number."""
@@ -112,6 +111,8 @@ class PoseWriter:
             if moved_ns >= LATEST_NS:
                 latest = LATEST_NS / NANOSECONDS
                 raise InvalidValueError("times", f"{moved_ns / NANOSECONDS:g} s", f"less than {latest:g} s, as in ROS")
+            if not self._last_ns:  # logged with the first pose: tools take what is logged first for the recording's start
+                self._bag.write("/tf_static", self._messages.board(), moved_ns, latched=True)
             self._bag.write(self._topic, self._messages.odometry(moved_ns, compose(self._upright, pose)), moved_ns)
             self._last_ns = max(self._last_ns, moved_ns)
         self.poses, self.moved = self.poses + count, self.moved + (offset_ns != 0)

@@ -27,7 +27,7 @@ from contact_curation.motion.restored_toss import RestoredToss, restored
 from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.storage.bags.writer import BagWriter
-from contact_curation.storage.datasets.contactnets import contactnets_files, read_contactnets
+from contact_curation.storage.datasets.contactnets import contactnets_files, of_center_of_mass, read_contactnets
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
 from contact_curation.storage.inputs.recording_notes import (
     NUMBERS_NOTE,
@@ -134,7 +134,7 @@ def import_contactnets(
                 original = restored(item)
                 steps, timed = steps + item.frames - 1, timed + original.timed_steps
                 inexact.extend(_misfit(original))
-                yield original.toss
+                yield of_center_of_mass(original.toss, body)
             else:
                 skipped.append(str(item))
             advance(done / len(files))

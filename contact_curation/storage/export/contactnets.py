@@ -17,7 +17,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
-from contact_curation.storage.datasets.contactnets import COLUMNS, CONTROL, FRAME_RATE, SUBFOLDER
+from contact_curation.storage.datasets.contactnets import COLUMNS, CONTROL, FRAME_RATE, SUBFOLDER, of_tracked_frame
 from contact_curation.storage.export.selected import SelectedToss
 
 LARGEST_RATE_ERROR = 0.01
@@ -47,7 +47,7 @@ def write_contactnets(tosses: Sequence[SelectedToss], body: Body, folder: Path, 
 
 
 def contactnets_rows(toss: Toss, body: Body) -> Array:
-    """The rows (T, 19) of a toss, with lengths in the body's length scale.
+    """The rows (T, 19) of a toss, of the frame that a tracker follows, with lengths in the body's length scale.
 
     Raises:
         InvalidValueError: the toss has another frame rate than ContactNets' files.
@@ -57,7 +57,7 @@ def contactnets_rows(toss: Toss, body: Body) -> Array:
         raise InvalidValueError(
             f"frame rate of toss {toss.toss_id}", f"{rate:.4g} Hz", f"{FRAME_RATE:g} Hz, as which ContactNets' files are read"
         )
-    states = states_of(toss, body.length_scale)
+    states = states_of(of_tracked_frame(toss, body), body.length_scale)
     return np.concatenate([states, np.zeros((toss.frames, COLUMNS - CONTROL.start))], axis=1)
 
 

@@ -15,6 +15,16 @@ from contact_curation.version import __version__
 CARD = "README.md"
 """Name of the file, which hosts of datasets show."""
 
+TAGS = "robotics, contact, toss, contact-curation"
+FRONT = {
+    "lerobot": (
+        f"tags: [{TAGS}, LeRobot]",
+        "task_categories: [robotics]",
+        'configs: [{config_name: default, data_files: "data/*/*.parquet"}]',
+    )
+}
+"""Front matter of a format; without `configs` Hugging Face's `datasets` takes the tables of `meta/` for frames, and fails."""
+
 LAYOUTS = {
     "mcap": "MCAP recordings with the recorded messages of the selected tosses; `manifest.json` has a row per toss.",
     "contactnets": "ContactNets' files: `tosses_processed/0.pt` is the best toss; row N of `manifest.json` describes N.pt.",
@@ -38,7 +48,7 @@ def data_card(form: str, body: Body, manifest: Manifest) -> str:
 
 def _lines(form: str, body: Body, manifest: Manifest) -> Iterator[str]:
     run, selected = manifest.run, manifest.selected
-    yield from ("---", "license: unknown  # " + FILL_IN, "tags: [robotics, contact, toss, contact-curation]", "---", "")
+    yield from ("---", "license: unknown  # " + FILL_IN, *FRONT.get(form, (f"tags: [{TAGS}]",)), "---", "")
     yield from (f"# Tosses of {body.name}", "", LAYOUTS[form], "")
     seconds, frames = sum(row.duration for row in selected), sum(row.frames for row in selected)
     yield from ("| | |", "|---|---|")
@@ -47,18 +57,25 @@ def _lines(form: str, body: Body, manifest: Manifest) -> Iterator[str]:
     yield f"| selected by | criterion {run.criterion}, estimator {run.estimator or 'none'}, seed {run.seed} |"
     yield f"| at the parameters | {run.model}, {run.parameters} (version {run.parameters_version}) |"
     yield f"| ranked with | contact_curation {run.package_version}; exported with {__version__} |"
-    yield f"| command | `{shlex.join(run.command)}` |" if run.command else "| command | none: ranked from Python |"
+    yield f"| command | `{_cell(shlex.join(run.command))}` |" if run.command else "| command | none: ranked from Python |"
     yield from (f"| license | {FILL_IN} |", f"| contact | {FILL_IN} |", "")
     yield from ("## Source recordings", "", "| file | SHA-256 | tosses |", "|---|---|---|")
-    exported = Counter(row.input for row in selected)
-    yield from (f"| {one.path} | `{one.sha256}` | {exported[one.path]} |" for one in run.inputs)
+    exported = Counter(map(manifest.given_input, selected))
+    for one in run.inputs:
+        digest = f"`{one.sha256}`" if one.sha256 else "not read"
+        yield f"| {_cell(one.path)} | {digest} | {exported[one.path]} |"
     yield from ("", "## What was left out", "")
-    yield f"{len(manifest.rows)} tosses were found and {len(selected)} were selected. The others:"
-    yield from ("", "| tosses | why |", "|---|---|")
-    left_out = Counter(map(_why, manifest.rows)) - Counter(map(_why, selected))
+    left_out = Counter(_why(row) for row in manifest.rows if not row.selected)
+    yield f"{len(manifest.rows)} tosses were found and {len(selected)} were selected.{' The others:' if left_out else ''}"
+    yield from ("", "| tosses | why |", "|---|---|") if left_out else ()
     yield from (f"| {count} | {why} |" for why, count in left_out.most_common())
     yield from ("", "A selection is no random sample: rates and averages of these tosses are not those of the recordings.")
 
 
 def _why(row: ManifestRow) -> str:
-    return "not selected by the ranking" if row.rank is not None else f"rejected: {row.reasons[0].partition(':')[0]}"
+    return "not selected by the ranking" if row.rank is not None else f"not ranked: {_cell(row.reasons[0].partition(':')[0])}"
+
+
+def _cell(text: str) -> str:
+    """Text in a cell of a table, which a vertical line would end."""
+    return text.replace("|", "\\|")

@@ -10,7 +10,7 @@
 Columns of a frame, in addition to those of every LeRobot dataset:
 
     observation.state   position (3) [m], orientation wxyz (4), linear velocity (3) [m/s] in the board's frame, angular velocity
-                        (3) [rad/s] in the body's, all of the body on the board
+                        (3) [rad/s] in the body's; position and velocity are those of the centre of mass
     stamp_ns            the frame's own stamp: LeRobot's `timestamp` is frame_index / fps
 
 Read and checked against LeRobot 0.6.1 (lerobot/datasets: dataset_writer, dataset_metadata, io_utils).

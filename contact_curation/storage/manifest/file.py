@@ -2,11 +2,16 @@
 
     JSON      one object: the head, and a toss per line
     CSV       the table, a toss per line, an empty cell is no value; the head of m.csv is beside it in m.provenance.json
-              (format version 1 had it in comment lines `# name: JSON` before the table), with a digest of the table;
-              while both are replaced, also the head of the table before
-    Parquet   a row per toss; the head as JSON in the schema's metadata
+              (format version 1 had it in comment lines `# name: JSON` before the table), with the number of
+              tosses (`tosses`) and a digest of the table (`table_sha256`); while both are replaced, also the head of
+              the table before
+    Parquet   a row per toss; the head as JSON in the schema's metadata, under `contact_curation`
 
-The head is everything that is not about a single toss. The same manifest always gives the same bytes.
+Text is UTF-8, lines end with LF, and cells with commas, quotes or line ends are quoted. The reasons in a cell are a
+JSON list. JSON has no numbers that are not finite: strings "NaN", "Infinity" and "-Infinity" stand for them, in the
+head, too, as for an `influence_bound` without a bound. Stamps have up to 63 bits, of which JavaScript and
+spreadsheets keep 53. The head is everything that is not about a single toss. Tosses come by rank, and then those
+without one. The same manifest always gives the same bytes.
 """
 
 import csv

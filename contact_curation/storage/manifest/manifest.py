@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.storage.provenance import RunProvenance
@@ -18,8 +19,8 @@ class ManifestRow:
     Attributes:
         toss_id: id, unique in the manifest.
         selected: whether it is one of the best k.
-        rejected: whether a quality check rejected it, so that it was not scored.
-        reasons: why it was rejected or not scored, one line each.
+        rejected: whether a quality check rejected it, or it was held out, so that it was not ranked.
+        reasons: why it was rejected, held out or not scored, one line each.
         rank: place in the ranking, from 1; None if it was not ranked.
         score: score of the toss alone, by the criterion; None if it was not ranked.
         marginal_gain: gain when it was picked, or the gain of adding it to the selected ones; None if it was not ranked.
@@ -70,7 +71,7 @@ class Manifest:
 
     Attributes:
         run: how the ranking was made.
-        rows: one row per toss, in the order in which they are listed.
+        rows: one row per toss, by rank, and then those without one in the order in which they were read.
         diagnostics: properties of the selection by name: epsilon, smallest sufficient k, efficiency certificate, block shares.
     """
 
@@ -87,3 +88,13 @@ class Manifest:
     def selected(self) -> tuple[ManifestRow, ...]:
         """The selected tosses, best first."""
         return tuple(sorted((row for row in self.rows if row.selected), key=lambda row: row.rank or 0))
+
+    def given_input(self, row: ManifestRow) -> str:
+        """The recording of a toss as it was given: for one of ContactNets' files perhaps the folder that it is in."""
+        if row.input in self._given:
+            return row.input
+        return next((folder for folder in map(str, Path(row.input).parents) if folder in self._given), row.input)
+
+    @cached_property
+    def _given(self) -> frozenset[str]:
+        return frozenset(one.path for one in self.run.inputs)

@@ -173,5 +173,19 @@ def test_every_export_carries_a_card_of_its_tosses_their_source_and_what_was_lef
         assert f"| {golden} | `{ranked.run.inputs[0].sha256}` | {TOP} |" in card
         assert f"24 tosses were found and {TOP} were selected" in card
         assert "| 15 | not selected by the ranking |" in card
-        assert "| 1 | rejected: gap |" in card
+        assert "| 1 | not ranked: gap |" in card
+        assert ("configs: " in card) == (form == "lerobot"), "by which datasets finds the frames"
         assert "criterion representative, estimator gauss-newton" in card
+
+
+def test_the_card_counts_tosses_of_a_folder_and_stands_where_all_are_selected(
+    cli: Cli, golden: Path, manifest: Path, tmp_path: Path
+) -> None:
+    cli("export", golden, "--manifest", manifest, "--format", "contactnets", "--out", tmp_path / "a|b")
+    cli("rank", tmp_path / "a|b", tmp_path / "gone.mcap", "--no-figure", "--out", tmp_path / "all.csv")
+    cli("export", tmp_path / "a|b", "--manifest", tmp_path / "all.csv", "--format", "lerobot", "--out", tmp_path / "out")
+    card = (tmp_path / "out" / "README.md").read_text()
+    rows = [line for line in card.splitlines() if line.startswith(f"| {tmp_path}")]
+    digest = read_manifest(tmp_path / "all.csv").run.inputs[0].sha256
+    assert rows == [f"| {tmp_path}/a\\|b | `{digest}` | {TOP} |", f"| {tmp_path}/gone.mcap | not read | 0 |"]
+    assert f"{TOP} tosses were found and {TOP} were selected.\n\nA selection" in card

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
@@ -60,6 +61,17 @@ def test_times_may_be_dates(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("\n".join(rows))
     done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json")
     assert (done.json["poses"], done.json["moved"], done.json["seconds"]) == (2, 0, pytest.approx(0.0067))
+
+
+def test_the_bag_begins_with_the_first_pose(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "poses.txt").write_text("1600000000 0 0 1 0 0 0 1\n1600000000.5 0 0 1 0 0 0 1")
+    cli("import", "poses", tmp_path / "poses.txt", "--out", tmp_path / "poses.mcap")
+    with (tmp_path / "poses.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    seen = summary.statistics
+    assert (seen.message_start_time, seen.message_end_time) == (1_600_000_000_000_000_000, 1_600_000_000_500_000_000)
 
 
 @pytest.mark.parametrize("axis", ["x", "y", "z"])

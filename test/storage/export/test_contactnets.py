@@ -10,11 +10,12 @@ import torch
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.export import ExportJob, found_tosses
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.datasets.contactnets import read_contactnets, read_contactnets_toss
-from contact_curation.storage.datasets.tagslam_bag import import_contactnets
+from contact_curation.storage.datasets.tagslam_bag import TagslamRig, import_contactnets
 from contact_curation.storage.export.contactnets import contactnets_rows, write_contactnets
 from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.inputs.inputs import open_inputs
@@ -54,6 +55,24 @@ def test_our_own_reader_gives_the_toss_back(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.orientations_wxyz, toss.orientations_wxyz)
     np.testing.assert_array_equal(again.angular_velocities, toss.angular_velocities)
     assert again.frame_period == toss.frame_period
+
+
+def test_files_hold_the_frame_that_a_tracker_follows_and_give_the_body_back(tmp_path: Path) -> None:
+    toss, offset = synthetic_toss(), np.array([0.02, -0.01, 0.03])
+    beside = replace(CUBE, center_of_mass=offset)
+    write_contactnets([kept(toss)], beside, tmp_path)
+    (tracked,) = (one for one in read_contactnets(tmp_path, beside) if isinstance(one, Toss))
+    np.testing.assert_allclose(
+        tracked.positions + quaternions.rotate(toss.orientations_wxyz, offset), toss.positions, atol=1e-15
+    )
+    steps = np.diff(tracked.positions, axis=0) / toss.frame_period
+    assert np.median(np.abs(steps - tracked.linear_velocities[1:])) < 0.01, "they are the velocities of that frame"
+    (again,) = (one for one in open_inputs([tmp_path], beside) if isinstance(one, Toss))
+    np.testing.assert_allclose(again.positions, toss.positions, atol=1e-15)
+    np.testing.assert_allclose(again.linear_velocities, toss.linear_velocities, atol=1e-14)
+    import_contactnets(tmp_path, tmp_path / "bag.mcap", beside, TagslamRig(rules=SegmenterConfig()))
+    (recorded,) = (one for one in open_inputs([tmp_path / "bag.mcap"], beside) if isinstance(one, Toss))
+    np.testing.assert_allclose(recorded.positions, toss.positions, atol=1e-9)
 
 
 def test_a_toss_of_such_a_file_is_that_file(tmp_path: Path) -> None:
