@@ -6,6 +6,7 @@
 import argparse
 import gc
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -17,7 +18,7 @@ from typing import Any, TextIO, cast
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.report import warn
 from contact_curation.cli.stop_signals import endings_as_interrupt
-from contact_curation.errors import CONTROLS, ContactCurationError, NothingFoundError
+from contact_curation.errors import CONTROLS, ContactCurationError, InvalidValueError, NothingFoundError
 from contact_curation.extras import says_what_to_install
 from contact_curation.version import __version__
 
@@ -78,7 +79,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         gc.disable()  # until everything is imported
     _prepare_streams()
     with redirect_stdout(cast(TextIO, _Visible(sys.stdout))), redirect_stderr(cast(TextIO, _Visible(sys.stderr))):
-        return _status(sys.argv[1:] if argv is None else list(argv))
+        status = _status(sys.argv[1:] if argv is None else list(argv))
+    if argv is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # another Ctrl-C while the interpreter ends gives no traceback
+    return status
 
 
 class _Visible:
@@ -125,6 +129,7 @@ def _run(words: list[str]) -> int:
     _complete(parser)
     arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)
+    _check_folder()
     try:
         status: int = arguments.run(arguments)
     except NothingFoundError as error:
@@ -133,6 +138,18 @@ def _run(words: list[str]) -> int:
     if _assumed(arguments):
         print(f"{NAME}: {_assumed(arguments)}", file=sys.stderr, flush=True)
     return status
+
+
+def _check_folder() -> None:
+    """Refuses a working folder that is gone: libraries that are loaded there end the process at once.
+
+    Raises:
+        InvalidValueError: it was deleted.
+    """
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:
+        raise InvalidValueError("working folder", "one that was deleted", "one that is there: cd to it") from error
 
 
 def _assumed(arguments: argparse.Namespace) -> str:
@@ -152,8 +169,8 @@ def _forget_output() -> None:
 
 def _prepare_streams() -> None:
     """Replaces streams that the shell closed (`>&-`), and lets a terminal show unsupported characters as escapes."""
-    sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115 - open until the process ends
-    sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the process ends
+    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
 

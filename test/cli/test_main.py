@@ -243,6 +243,46 @@ def test_a_reader_that_goes_away_ends_it_without_a_traceback(golden: object) -> 
     assert "BrokenPipe" not in done.stderr
 
 
+@pytest.mark.parametrize("word", ["--help", "--version"])
+@pytest.mark.parametrize(("where", "lines"), [("| true", 0), (">/dev/full", 1)])
+def test_a_help_that_nobody_takes_is_at_most_one_line(word: str, where: str, lines: int) -> None:
+    command = f"{sys.executable} -m contact_curation.cli.main {word} {where}"
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {command}"], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == lines
+
+
+def test_a_working_folder_that_was_deleted_is_one_line(
+    cli: Cli, golden: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    done = cli("train", golden, "--out", tmp_path / "model.safetensors")
+    assert done.status == 1
+    assert done.err_lines == [
+        "contact-curation: error: working folder: found one that was deleted, expected one that is there: cd to it"
+    ]
+
+
+def test_another_interrupt_while_the_interpreter_ends_gives_no_traceback() -> None:
+    done = python(
+        "import atexit, signal, sys\n"
+        "from contact_curation.cli.main import main\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "atexit.register(signal.raise_signal, signal.SIGINT)\n"
+        "sys.exit(main())",
+        "body",
+        "nothing.yaml",
+    )
+    assert done.returncode == -signal.SIGINT
+    assert len(done.stderr.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("where", "status", "says"),
     [(">/dev/full", 1, "No space left on device"), (">&-", 0, "no --body given"), (">&- 2>&-", 0, "")],
