@@ -78,8 +78,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:  # a process of its own
         gc.disable()  # until everything is imported
     _prepare_streams()
-    with redirect_stdout(cast(TextIO, _Visible(sys.stdout))), redirect_stderr(cast(TextIO, _Visible(sys.stderr))):
-        status = _status(sys.argv[1:] if argv is None else list(argv))
+    try:
+        with redirect_stdout(cast(TextIO, _Visible(sys.stdout))), redirect_stderr(cast(TextIO, _Visible(sys.stderr))):
+            status = _status(sys.argv[1:] if argv is None else list(argv))
+    except KeyboardInterrupt:  # another one, after the first had ended the work
+        status = INTERRUPTED
     if argv is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # another Ctrl-C while the interpreter ends gives no traceback
     return status
@@ -168,8 +171,12 @@ def _forget_output() -> None:
 
 
 def _prepare_streams() -> None:
-    """Replaces streams that the shell closed (`>&-`), and lets a terminal show unsupported characters as escapes."""
-    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115 - open until the process ends
+    """Replaces streams that the shell closed (`>&-`), and lets a terminal show unsupported characters as escapes.
+
+    All three, in their order: else an output would get the number of one, and what libraries print there would be in it.
+    """
+    sys.stdin = sys.stdin or Path(os.devnull).open(encoding="utf-8")  # noqa: SIM115 - open until the process ends
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")

@@ -188,6 +188,11 @@ def test_an_interrupt_is_exit_status_130(cli: Cli, monkeypatch: pytest.MonkeyPat
     assert cli("rank", "a.mcap").status == door.INTERRUPTED == 130
 
 
+def test_another_interrupt_after_the_first_one_is_no_traceback(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(door, "_status", raising(KeyboardInterrupt()))
+    assert cli("rank", "a.mcap").status == 130
+
+
 def test_a_full_disk_is_one_line_and_exit_status_1(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(door, "_forget_output", lambda: None)  # pytest's own output has no file to point elsewhere
     monkeypatch.setattr(rank, "run", raising(OSError(errno.ENOSPC, "No space left on device", "/tmp/spool")))
@@ -293,6 +298,18 @@ def test_an_output_that_takes_nothing_is_at_most_one_line(where: str, status: in
     assert done.returncode == status
     assert len(done.stderr.splitlines()) == len([says] if says else [])
     assert says in done.stderr
+
+
+def test_where_all_streams_are_closed_what_libraries_print_is_in_no_output(tmp_path: Path) -> None:
+    code = (
+        "import os, pathlib\n"
+        "from contact_curation.cli import body, main\n"
+        f"with_output = lambda _: pathlib.Path({str(tmp_path / 'out')!r}).open('w').write(os.readlink('/proc/self/fd/2')) * 0\n"
+        "body.run = with_output\n"
+        "main.main(['body', 'a.yaml'])"
+    )
+    subprocess.run(["bash", "-c", f"{sys.executable} -c {shlex.quote(code)} <&- >&- 2>&-"], check=True)
+    assert (tmp_path / "out").read_text() == os.devnull
 
 
 COMMANDS = "/poses\x1b[2J\x1b]52;c;cm0=\x07\x9b31m"
