@@ -77,6 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if argv is None:  # a process of its own
         gc.disable()  # until everything is imported
+        os.environ["MPLBACKEND"] = "agg"  # figures become files; a notebook's shell names a backend that may not be here
     _prepare_streams()
     try:
         with redirect_stdout(cast(TextIO, _Visible(sys.stdout))), redirect_stderr(cast(TextIO, _Visible(sys.stderr))):

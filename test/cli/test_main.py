@@ -274,6 +274,18 @@ def test_a_working_folder_that_was_deleted_is_one_line(
     ]
 
 
+def test_a_backend_of_figures_that_is_not_there_is_not_asked_for() -> None:
+    code = (
+        "import os, sys\n"
+        "os.environ['MPLBACKEND'] = 'module://matplotlib_inline.of_a_notebook'\n"
+        "from contact_curation.cli.main import main\n"
+        "status = main()\n"
+        "import matplotlib\n"
+        "print(matplotlib.get_backend())"
+    )
+    assert python(code, "body", "nothing.yaml").stdout == "agg\n"
+
+
 def test_another_interrupt_while_the_interpreter_ends_gives_no_traceback() -> None:
     done = python(
         "import atexit, signal, sys\n"
