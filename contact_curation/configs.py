@@ -66,7 +66,7 @@ def set_whole_numbers(config: object, names: Iterable[str], least: int = 0, most
 
 
 def check_positive(config: object, names: Iterable[str], prefix: str = "", unit: str = "", *, infinite: bool = False) -> None:
-    """Checks that fields of a config are numbers above 0; truth values are none.
+    """Checks that fields of a config are numbers above 0; truth values are none. Those of NumPy become Python's.
 
     Args:
         config: itself, in its `__post_init__`.
@@ -82,18 +82,27 @@ def check_positive(config: object, names: Iterable[str], prefix: str = "", unit:
         value = getattr(config, name)
         if not (infinite and isinstance(value, float) and value == inf):
             _check_number(prefix + name, value, f"a positive number {unit}".rstrip(), least_excluded=True)
+            _make_plain(config, name)
 
 
 def check_not_negative(config: object, names: Iterable[str], prefix: str = "") -> None:
     """Checks that fields of a config are finite numbers of at least 0; the rest as of `check_positive`."""
     for name in names:
         _check_number(prefix + name, getattr(config, name), "a number of at least 0", least_excluded=False)
+        _make_plain(config, name)
 
 
 def _check_number(name: str, value: Any, expected: str, *, least_excluded: bool) -> None:
     is_number = type(value) is not bool and isinstance(value, Real) and isfinite(value)
     if not is_number or value < 0 or (least_excluded and value == 0):
         raise InvalidValueError(name, _shown(value), expected)
+
+
+def _make_plain(config: object, name: str) -> None:
+    """Makes a number of a config a float where JSON cannot hold it, such as NumPy's float32 or a fraction."""
+    value = getattr(config, name)
+    if not isinstance(value, int | float):
+        object.__setattr__(config, name, float(value))
 
 
 def _shown(value: object) -> object:

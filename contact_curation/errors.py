@@ -134,6 +134,13 @@ class MissingDependencyError(ContactCurationError):
         super().__init__(f"{what} is missing: {remedy}")
 
 
+class UnloadableLibraryError(ContactCurationError):
+    """A library is installed, but the system cannot load it."""
+
+    def __init__(self, path: str, why: object) -> None:
+        super().__init__(f"{path}: cannot be loaded: {why}; expected the system packages of the README, and memory enough")
+
+
 class NotScoredError(ContactCurationError):
     """No transition of a toss could be scored."""
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import wraps
 from importlib.util import find_spec
 
-from contact_curation.errors import MissingDependencyError
+from contact_curation.errors import ContactCurationError, MissingDependencyError, UnloadableLibraryError
 
 EXTRA_OF = {
     "torch": "train",
@@ -21,12 +21,16 @@ EXTRA_OF = {
 """Import name of an optional library, and the extra that installs it."""
 
 
-def missing_extra(error: ModuleNotFoundError) -> MissingDependencyError:
-    """The error to raise in place of `error`, which says what to install.
+def missing_extra(error: ImportError) -> ContactCurationError:
+    """The error to raise in place of `error`, which says what to install, or what the system cannot load.
 
     Raises:
-        ModuleNotFoundError: `error` itself, where no extra has the module or it is installed.
+        ImportError: `error` itself, where no extra has the module or it is installed.
     """
+    if not isinstance(error, ModuleNotFoundError):
+        if error.path is None or error.name_from:  # no library of the system: a name that a module lacks
+            raise error
+        return UnloadableLibraryError(error.path, error)
     library = (error.name or "").split(".")[0]
     if library not in EXTRA_OF or find_spec(library) is not None:
         raise error
@@ -40,7 +44,7 @@ def says_what_to_install[**P, T](function: Callable[P, T]) -> Callable[P, T]:
     def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             return function(*args, **kwargs)
-        except ModuleNotFoundError as error:
+        except ImportError as error:
             raise missing_extra(error) from error
 
     return guarded

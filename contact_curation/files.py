@@ -1,5 +1,6 @@
 """Files and folders that a user names: read whole and never further than a bound, written whole or not at all."""
 
+import errno
 import fcntl
 import json
 import math
@@ -171,7 +172,7 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             with os.fdopen(descriptor, "wb") as file:
                 yield file
                 file.flush()
-                os.fsync(descriptor)
+                sync_file(descriptor)
                 partial.replace(path)  # while it is locked: nobody takes it for one that was left behind
         except BaseException:  # an interrupt leaves nothing behind either
             with suppress(OSError):
@@ -281,6 +282,15 @@ def _remove_unlocked(left: Path) -> None:
                 left.unlink()
         finally:
             os.close(descriptor)
+
+
+def sync_file(descriptor: int) -> None:
+    """Waits until the disk has what was written to a file, where its file system can say so: some shared folders cannot."""
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):
+            raise
 
 
 def sync_folder(folder: Path) -> None:

@@ -1,6 +1,8 @@
 """Fields of configs: changed together, and the ranges in which their classes accept them."""
 
+import json
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -81,3 +83,11 @@ def test_numbers_of_numpy_are_numbers_and_0_is_not_positive() -> None:
             check_positive(_With(value), ("share",), infinite=True)
     with pytest.raises(InvalidValueError, match=r"^share: found 0, expected a positive number of metres$"):
         check_positive(_With(0), ("share",), unit="of metres")
+
+
+def test_numbers_that_json_cannot_hold_become_floats() -> None:
+    for value in (np.float32(0.5), np.int64(2), Fraction(1, 2)):
+        for check in (check_positive, check_not_negative):
+            config = _With(value)
+            check(config, ("share",))
+            assert json.dumps(config.share) == json.dumps(float(value))

@@ -1,14 +1,21 @@
 """Files are written with the rights that the user's umask gives, under names that nobody can prepare."""
 
+import ast
+import errno
 import os
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
 from contact_curation import files
-from contact_curation.errors import UnreadableInputError
+from contact_curation.errors import UnreadableInputError, UnwritableOutputError
 from contact_curation.files import partial_name, read_yaml, scratch_folder, staged_folder, write_atomically
+from test.conftest import REPOSITORY
+
+NO_FILES = ("self._gripper", "self._worlds")
+"""What has a method `open` and is no file."""
 
 
 @pytest.fixture(params=[0o077, 0o027, 0o022], ids=oct)
@@ -86,3 +93,27 @@ def test_what_is_no_yaml_is_refused_in_one_line(tmp_path: Path, text: str, why: 
     with pytest.raises(UnreadableInputError, match=why) as raised:
         read_yaml(path, 1 << 17, "a body")
     assert "\n" not in str(raised.value)
+
+
+def test_no_file_of_text_depends_on_the_locale() -> None:
+    without = []
+    for path in (REPOSITORY / "contact_curation").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_bytes())):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                named = any(word.arg == "encoding" for word in node.keywords)
+                text = node.func.attr in ("read_text", "write_text") or ast.unparse(node).endswith((".open()", ".open('w')"))
+                without += [f"{path}:{node.lineno}"] * (text and not named and ast.unparse(node.func.value) not in NO_FILES)
+    assert without == []
+
+
+@pytest.mark.parametrize(("number", "raises"), [(errno.EINVAL, False), (errno.EIO, True)])
+def test_a_file_system_that_cannot_wait_for_the_disk_is_no_error(
+    number: int, raises: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(descriptor: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fsync", refused)
+    with pytest.raises(UnwritableOutputError) if raises else nullcontext():
+        write_atomically(tmp_path / "a.json", b"{}")
+    assert [one.name for one in tmp_path.iterdir()] == ([] if raises else ["a.json"])

@@ -6,6 +6,7 @@
 import argparse
 import gc
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
@@ -17,7 +18,7 @@ from typing import Any, TextIO, cast
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.report import warn
 from contact_curation.cli.stop_signals import endings_as_interrupt
-from contact_curation.errors import CONTROLS, ContactCurationError, NothingFoundError
+from contact_curation.errors import CONTROLS, ContactCurationError, InvalidValueError, NothingFoundError
 from contact_curation.extras import says_what_to_install
 from contact_curation.version import __version__
 
@@ -76,9 +77,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if argv is None:  # a process of its own
         gc.disable()  # until everything is imported
+        os.environ["MPLBACKEND"] = "agg"  # figures become files; a notebook's shell names a backend that may not be here
     _prepare_streams()
-    with redirect_stdout(cast(TextIO, _Visible(sys.stdout))), redirect_stderr(cast(TextIO, _Visible(sys.stderr))):
-        return _status(sys.argv[1:] if argv is None else list(argv))
+    try:
+        with redirect_stdout(cast(TextIO, _Visible(sys.stdout))), redirect_stderr(cast(TextIO, _Visible(sys.stderr))):
+            status = _status(sys.argv[1:] if argv is None else list(argv))
+    except KeyboardInterrupt:  # another one, after the first had ended the work
+        status = INTERRUPTED
+    if argv is None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # another Ctrl-C while the interpreter ends gives no traceback
+    return status
 
 
 class _Visible:
@@ -125,6 +133,7 @@ def _run(words: list[str]) -> int:
     _complete(parser)
     arguments = parser.parse_args(words)
     arguments.command = (NAME, *words)
+    _check_folder()
     try:
         status: int = arguments.run(arguments)
     except NothingFoundError as error:
@@ -133,6 +142,18 @@ def _run(words: list[str]) -> int:
     if _assumed(arguments):
         print(f"{NAME}: {_assumed(arguments)}", file=sys.stderr, flush=True)
     return status
+
+
+def _check_folder() -> None:
+    """Refuses a working folder that is gone: libraries that are loaded there end the process at once.
+
+    Raises:
+        InvalidValueError: it was deleted.
+    """
+    try:
+        Path.cwd()
+    except FileNotFoundError as error:
+        raise InvalidValueError("working folder", "one that was deleted", "one that is there: cd to it") from error
 
 
 def _assumed(arguments: argparse.Namespace) -> str:
@@ -151,9 +172,13 @@ def _forget_output() -> None:
 
 
 def _prepare_streams() -> None:
-    """Replaces streams that the shell closed (`>&-`), and lets a terminal show unsupported characters as escapes."""
-    sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115 - open until the process ends
-    sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
+    """Replaces streams that the shell closed (`>&-`), and lets a terminal show unsupported characters as escapes.
+
+    All three, in their order: else an output would get the number of one, and what libraries print there would be in it.
+    """
+    sys.stdin = sys.stdin or Path(os.devnull).open(encoding="utf-8")  # noqa: SIM115 - open until the process ends
+    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+    sys.stderr = sys.stderr or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from contact_curation.configs import check_positive
 from contact_curation.contact.body_values import (
     GEOMETRIES,
     SHAPES,
@@ -75,10 +76,8 @@ class BodyOptions:
     gravity: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("mass", "density", "length_scale", "scale"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0.0):
-                raise InvalidValueError(name, value, "a positive number")
+        given = [name for name in ("mass", "density", "length_scale", "scale") if getattr(self, name) is not None]
+        check_positive(self, given)
         if self.mass is not None and self.density is not None:
             raise InvalidValueError("density", f"{self.density:g} beside a mass of {self.mass:g} kg", "one of both")
 

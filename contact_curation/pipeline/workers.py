@@ -18,7 +18,7 @@ from types import ModuleType
 from typing import NamedTuple, Protocol
 
 from contact_curation.configs import whole_number
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.storage.addresses import Address
 
 
@@ -252,8 +252,7 @@ def _in_parallel[Input, Result](
 ) -> Generator[tuple[int, Result], None, Unfinished]:
     """Yields the place and the result of each input, until all are done or a process dies; returns those without a result."""
     coming = deque(places)
-    # Forking a process whose libraries have threads can hang: start fresh ones.
-    with ProcessPoolExecutor(jobs, mp_context=_WorkerContext(), initializer=_end_with_the_parent) as executor:
+    with _executor(jobs) as executor:
         under_way: dict[Future[Counted[Result]], int] = {}
         try:
             while coming or under_way:
@@ -277,6 +276,19 @@ def _in_parallel[Input, Result](
         finally:
             executor.shutdown(wait=False, cancel_futures=True)
     return Unfinished([], [])
+
+
+def _executor(jobs: int) -> ProcessPoolExecutor:
+    """Fresh processes: to fork one whose libraries have threads can hang.
+
+    Raises:
+        InvalidValueError: the system refuses what they would share, as in a container without /dev/shm.
+    """
+    try:
+        return ProcessPoolExecutor(jobs, mp_context=_WorkerContext(), initializer=_end_with_the_parent)
+    except OSError as error:
+        expected = f"1, because processes cannot share locks here ({error.strerror or error}): may /dev/shm be written?"
+        raise InvalidValueError("jobs", jobs, expected) from error
 
 
 _START = threading.Lock()

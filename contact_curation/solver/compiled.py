@@ -157,7 +157,7 @@ def cpu_features(description: Path) -> frozenset[str]:
     """The features of the first CPU that Linux lists in `description`; none without such a file."""
     if not description.exists():
         return frozenset()
-    with description.open() as lines:
+    with description.open(encoding="utf-8") as lines:
         found = next((line for line in lines if line.startswith("flags")), ":")
     return frozenset(found.split(":", 1)[1].split())
 

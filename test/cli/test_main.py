@@ -188,6 +188,11 @@ def test_an_interrupt_is_exit_status_130(cli: Cli, monkeypatch: pytest.MonkeyPat
     assert cli("rank", "a.mcap").status == door.INTERRUPTED == 130
 
 
+def test_another_interrupt_after_the_first_one_is_no_traceback(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(door, "_status", raising(KeyboardInterrupt()))
+    assert cli("rank", "a.mcap").status == 130
+
+
 def test_a_full_disk_is_one_line_and_exit_status_1(cli: Cli, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(door, "_forget_output", lambda: None)  # pytest's own output has no file to point elsewhere
     monkeypatch.setattr(rank, "run", raising(OSError(errno.ENOSPC, "No space left on device", "/tmp/spool")))
@@ -243,6 +248,58 @@ def test_a_reader_that_goes_away_ends_it_without_a_traceback(golden: object) -> 
     assert "BrokenPipe" not in done.stderr
 
 
+@pytest.mark.parametrize("word", ["--help", "--version"])
+@pytest.mark.parametrize(("where", "lines"), [("| true", 0), (">/dev/full", 1)])
+def test_a_help_that_nobody_takes_is_at_most_one_line(word: str, where: str, lines: int) -> None:
+    command = f"{sys.executable} -m contact_curation.cli.main {word} {where}"
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {command}"], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == lines
+
+
+def test_a_working_folder_that_was_deleted_is_one_line(
+    cli: Cli, golden: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    done = cli("train", golden, "--out", tmp_path / "model.safetensors")
+    assert done.status == 1
+    assert done.err_lines == [
+        "contact-curation: error: working folder: found one that was deleted, expected one that is there: cd to it"
+    ]
+
+
+def test_a_backend_of_figures_that_is_not_there_is_not_asked_for() -> None:
+    code = (
+        "import os, sys\n"
+        "os.environ['MPLBACKEND'] = 'module://matplotlib_inline.of_a_notebook'\n"
+        "from contact_curation.cli.main import main\n"
+        "status = main()\n"
+        "import matplotlib\n"
+        "print(matplotlib.get_backend())"
+    )
+    assert python(code, "body", "nothing.yaml").stdout == "agg\n"
+
+
+def test_another_interrupt_while_the_interpreter_ends_gives_no_traceback() -> None:
+    done = python(
+        "import atexit, signal, sys\n"
+        "from contact_curation.cli.main import main\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "atexit.register(signal.raise_signal, signal.SIGINT)\n"
+        "sys.exit(main())",
+        "body",
+        "nothing.yaml",
+    )
+    assert done.returncode == -signal.SIGINT
+    assert len(done.stderr.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("where", "status", "says"),
     [(">/dev/full", 1, "No space left on device"), (">&-", 0, "no --body given"), (">&- 2>&-", 0, "")],
@@ -253,6 +310,18 @@ def test_an_output_that_takes_nothing_is_at_most_one_line(where: str, status: in
     assert done.returncode == status
     assert len(done.stderr.splitlines()) == len([says] if says else [])
     assert says in done.stderr
+
+
+def test_where_all_streams_are_closed_what_libraries_print_is_in_no_output(tmp_path: Path) -> None:
+    code = (
+        "import os, pathlib\n"
+        "from contact_curation.cli import body, main\n"
+        f"with_output = lambda _: pathlib.Path({str(tmp_path / 'out')!r}).open('w').write(os.readlink('/proc/self/fd/2')) * 0\n"
+        "body.run = with_output\n"
+        "main.main(['body', 'a.yaml'])"
+    )
+    subprocess.run(["bash", "-c", f"{sys.executable} -c {shlex.quote(code)} <&- >&- 2>&-"], check=True)
+    assert (tmp_path / "out").read_text() == os.devnull
 
 
 COMMANDS = "/poses\x1b[2J\x1b]52;c;cm0=\x07\x9b31m"

@@ -267,10 +267,11 @@ def test_a_flat_plate_without_friction_is_a_body() -> None:
         ({"density": -1.0}, "density: found -1.0, expected a positive number"),
         ({"length_scale": np.nan}, "length_scale: found nan, expected a positive number"),
         ({"scale": np.inf}, "scale: found inf, expected a positive number"),
+        ({"mass": "0.3"}, "mass: found '0.3', expected a positive number"),
         ({"mass": 1.0, "density": 2.0}, "density: found 2 beside a mass of 1 kg, expected one of both"),
     ],
 )
-def test_options_that_make_no_body_are_refused(options: dict[str, float], message: str) -> None:
+def test_options_that_make_no_body_are_refused(options: dict[str, object], message: str) -> None:
     with pytest.raises(InvalidValueError) as refused:
         BodyOptions(**options)  # type: ignore[arg-type]
     assert str(refused.value) == message

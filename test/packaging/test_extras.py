@@ -72,3 +72,16 @@ def test_every_optional_library_is_in_the_extra_that_is_named() -> None:
         if library in ("rclpy", "nav_msgs", "sensor_msgs"):
             names = {"ros_jazzy_rclpy", "ros_jazzy_common_interfaces"}  # they bring these
         assert any(name in extras[extra] for name in names), (library, names)
+
+
+def test_a_library_that_the_system_cannot_load_is_one_line() -> None:
+    error = ImportError("libtorch_cpu.so: failed to map segment", name="torch._C", path="/site/torch/_C.so")
+    assert str(missing_extra(error)).startswith("/site/torch/_C.so: cannot be loaded: libtorch_cpu.so: failed to map segment; ")
+
+
+def test_a_name_that_a_module_lacks_is_a_mistake_of_ours() -> None:
+    def wrong() -> None:
+        exec("from json import no_such_name", {})
+
+    with pytest.raises(ImportError, match="no_such_name"):
+        says_what_to_install(wrong)()

@@ -1,5 +1,6 @@
 """Work in several processes: results in order, a death noticed, no process left behind."""
 
+import errno
 import os
 import signal
 import subprocess
@@ -11,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from contact_curation.errors import InvalidValueError
+from contact_curation.pipeline import workers
 from contact_curation.pipeline.workers import (
     BYTES_PER_PROCESS,
     Advance,
@@ -176,3 +179,14 @@ def wait_until(holds: Callable[[], bool], seconds: float = 30.0) -> None:
     while not holds():
         assert time.monotonic() < end, "waited too long"
         time.sleep(0.02)
+
+
+def test_a_system_where_processes_share_nothing_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(workers, "ProcessPoolExecutor", refused)
+    with pytest.raises(
+        InvalidValueError, match=r"^jobs: found 2, expected 1, .* \(Read-only file system\): may /dev/shm be written"
+    ):
+        list(each(squared, [1, 2], 2, unheard))

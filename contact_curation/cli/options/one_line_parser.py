@@ -55,6 +55,11 @@ class OneLineParser(argparse.ArgumentParser):
         line = " ".join(message.split())
         self.exit(BAD_USAGE, f"{self.prog}: error: {line} (usage: {self.prog} --help)\n")
 
+    def exit(self, status: int = 0, message: str | None = None) -> Never:
+        """Ends the process as argparse does; that nobody reads the help is noticed here, not while the interpreter ends."""
+        sys.stdout.flush()
+        super().exit(status, message)
+
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """Parses as argparse does; for an unknown option the verb's own parser suggests a similar one.
 

@@ -93,7 +93,7 @@ def _program() -> Path:
 
 def listens(process: int, port: int) -> bool:
     """Whether a process listens at a TCP port, as Linux says it: another one may answer there."""
-    rows = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    rows = [line.split() for line in Path("/proc/net/tcp").read_text(encoding="ascii").splitlines()[1:]]
     sockets = {f"socket:[{row[9]}]" for row in rows if row[3] == LISTENS and int(row[1].rpartition(":")[2], 16) == port}
     with suppress(OSError):  # it has ended
         return any(_target(one) in sockets for one in Path(f"/proc/{process}/fd").iterdir())

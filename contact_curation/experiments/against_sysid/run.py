@@ -103,14 +103,14 @@ def against_row(cell: Against) -> Row:
 def _reset_peak() -> float:
     """Resets the peak of this process's memory and returns what it uses now [MiB]; NaN where Linux refuses."""
     try:
-        Path("/proc/self/clear_refs").write_text("5")
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
     except OSError:
         return np.nan
     return _resident("VmRSS")
 
 
 def _resident(name: str) -> float:
-    lines = Path("/proc/self/status").read_text().splitlines()
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     return next(int(line.split()[1]) / 1024.0 for line in lines if line.startswith(f"{name}:"))
 
 

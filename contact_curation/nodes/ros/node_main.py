@@ -27,7 +27,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.nodes import left_with
 from contact_curation.nodes.ros.given_parameters import PAGE, check_files, check_names, check_words, take_former_names
 from contact_curation.nodes.ros.qos import overridable, overrides_checked
@@ -205,7 +205,7 @@ def _make(makers: Mapping[str, Callable[[], StageNode]], process: str, ending: _
         check_keystore(os.environ)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Failed to fini", RuntimeWarning)  # from rclpy, when a node cannot be made
-            rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+            _begin_ros()
             if process in makers:  # a container takes words of its own
                 check_words(sys.argv)
             for name, make in makers.items():
@@ -217,6 +217,20 @@ def _make(makers: Mapping[str, Callable[[], StageNode]], process: str, ending: _
         ending.failures[name] = explained(error)
         return False
     return True
+
+
+def _begin_ros() -> None:
+    """Starts rclpy.
+
+    Raises:
+        InvalidValueError: its log cannot be written, of which it says no more than a RuntimeError.
+    """
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    except REFUSED:
+        raise
+    except RuntimeError as error:
+        raise InvalidValueError("log of ROS", error, "a folder that can be written: set ROS_LOG_DIR") from error
 
 
 def _close(ending: _Ending) -> None:

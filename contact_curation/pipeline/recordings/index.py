@@ -152,8 +152,8 @@ def digest_of_tosses(path: Path, config: ReadingConfig) -> str:
     """What the tosses of a recording follow from, besides this release; empty where the recording cannot be looked at."""
     try:
         state = [_state(one) for one in _files(path)]
-        tag_map = Path(config.inputs.poses.tag_map).read_text() if config.inputs.poses.tag_map else ""
-    except (OSError, UnreadableInputError):
+        tag_map = Path(config.inputs.poses.tag_map).read_text(encoding="utf-8") if config.inputs.poses.tag_map else ""
+    except (OSError, UnicodeDecodeError, UnreadableInputError):
         return ""
     return _digest(TOSSES, str(path), state, config.body.to_mapping(), config.inputs, tag_map)
 

@@ -64,10 +64,9 @@ def write_poses(
     off = np.linalg.norm(turns, axis=1) - 1.0
     if np.any(np.abs(off) > UNIT):
         raise InvalidValueError("orientations_wxyz", f"length {1.0 + off[np.abs(off).argmax()]:.3g}", "unit quaternions")
-    stamps_ns = np.rint(stamps * NANOSECONDS).astype(np.int64)
     stamped = (
-        (stamp_ns, ScalarPose((x, y, z), (qw, qx, qy, qz)))
-        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(stamps_ns.tolist(), places.tolist(), turns.tolist())
+        (round(stamp * NANOSECONDS), ScalarPose((x, y, z), (qw, qx, qy, qz)))
+        for stamp, (x, y, z), (qw, qx, qy, qz) in zip(stamps.tolist(), places.tolist(), turns.tolist())
     )
     with BagWriter(saved_path(path, (".mcap",), overwrite=overwrite)) as bag:
         return PoseWriter(bag, body_of(body)).write(stamped)

@@ -71,7 +71,7 @@ def read_metadata(path: Path) -> BagMetadata:
             raise DamagedBagError("is no regular file")
         if path.stat().st_size > LARGEST_METADATA:
             raise DamagedBagError(f"holds more than {LARGEST_METADATA} bytes")
-        content = parse_yaml(path.read_text())
+        content = parse_yaml(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise DamagedBagError(f"cannot be read: {error}") from error
     try:

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.files import writing
+from contact_curation.files import sync_file, writing
 from contact_curation.storage.bags.folder import METADATA_NAME, TopicMetadata, metadata_text
 from contact_curation.storage.bags.records import OfferedQos, profiles_text
 
@@ -159,11 +159,11 @@ class BagWriter:
         with writing(self.path):
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.flush()
-            os.fsync(self._file.fileno())
+            sync_file(self._file.fileno())
             if self._as_folder:
                 topics = [stream.described(key) for key, stream in self._streams.items()]
                 text = metadata_text(self._file_name, topics, self._first_ns, self._last_ns)
-                (self._partial / METADATA_NAME).write_text(text)
+                (self._partial / METADATA_NAME).write_text(text, encoding="utf-8")
             if not self._appeared:
                 self._check_target()
                 self._partial.replace(self.path)

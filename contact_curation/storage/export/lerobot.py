@@ -233,4 +233,4 @@ def _write_row_groups(tables: Sequence[pa.Table], path: Path) -> None:
 
 
 def _write_json(content: Any, path: Path) -> None:
-    path.write_text(json.dumps(content, indent=4, ensure_ascii=False) + "\n")
+    path.write_text(json.dumps(content, indent=4, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -173,6 +173,7 @@ def test_poses_in_arrays_are_written_likewise(poses: Poses, tosses: cc.Tosses, t
     ("times", "positions", "orientations", "said"),
     [
         ([0.0, 1.0], np.zeros((3, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), r"positions: found shape \(3, 3\), expected \(2, 3\)"),
+        ([1.7e18, 1.71e18], np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), r"times: found 1.7e\+18 s, expected less than"),
         ([0.0, 0.0], np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), "times: found 0 s and then 0 s, expected times that"),
         (
             [0.0, 1.0],
