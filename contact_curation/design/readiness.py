@@ -17,7 +17,7 @@ from contact_curation.configs import ranged, set_whole_numbers
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.smoothing import QUIET_PERIOD, noise_growth
+from contact_curation.motion.smoothing import QUIET_PERIOD, kinematic_noise_growth
 
 CUBE_LOSS = 0.15
 """Largest loss of ContactNets' cube, characteristic units."""
@@ -66,7 +66,7 @@ class ReadinessConfig:
     def of_body(self, body: Body, frame_period: float = QUIET_PERIOD) -> "ReadinessConfig":
         """The same with a loss for the body and its tracker's frame period [s], where its user has set none."""
         cube = CONTACTNETS_CUBE
-        of_cube = CUBE_LOSS + NOISE_LOSS * (noise_growth(frame_period, self.tracker_noise) ** 2 - 1.0)
+        of_cube = CUBE_LOSS + NOISE_LOSS * (kinematic_noise_growth(frame_period, self.tracker_noise) ** 2 - 1.0)
         loss = of_cube * (cube.length_scale / body.length_scale) ** 2
         return replace(self, largest_loss=self.largest_loss or loss)
 
