@@ -2,10 +2,12 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 
 from contact_curation.configs import whole_number
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import is_physical
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
@@ -44,8 +46,9 @@ def evaluate_models(
     Args:
         models: one, or two that are compared.
         tosses: as `judging_tosses` divides them.
-        config: of the rollouts.
-        known_config: of what is known of a polytope's parameters.
+        config: of the rollouts, and the loss that is reported.
+        known_config: of what is known of a polytope's parameters, by the loss that the first model's training minimised; by
+            that of `config` where its file does not say.
         progress: hears how far it is.
         more: number of further throws whose effect is predicted; None for as many as the first model was fitted to.
 
@@ -67,17 +70,22 @@ def evaluate_models(
         for one in models
         if one.model.has_own_friction_vertices
     }
-    known_config = (known_config or KnownConfig()).with_shape(models[0].shape)
+    minimised = replace(models[0].loss or config.loss, threads=config.loss.threads)
+    known_config = replace(known_config or KnownConfig(), loss=minimised).with_shape(models[0].shape)
     what_is_known, why_not = _known(models[0], tosses, known_config)
     bounce = _bounce(models[0], tosses, known_config)
-    change = _more(models[0], tosses, config, more)
+    change = _more(models[0], tosses, replace(config, loss=minimised), more)
     return Evaluation(
         tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, bounce, change, config.bootstrap
     )
 
 
 def judging_tosses(
-    tosses: Tosses, spec: HeldOut | None, models: Sequence[LearnedModel], name: str = "--held-out"
+    tosses: Tosses,
+    spec: HeldOut | None,
+    models: Sequence[LearnedModel],
+    name: str = "--held-out",
+    loss: LossConfig = DEFAULT_LOSS,
 ) -> JudgingTosses:
     """Divides tosses into those that models are evaluated on and those that they were trained on.
 
@@ -86,6 +94,7 @@ def judging_tosses(
         spec: what is held out; None for what the first model's training held out, or all; all, too, where it is `none`.
         models: at least one; what the first learned from is what it was fitted to.
         name: of the option or parameter with `spec`, for messages.
+        loss: that will be reported.
 
     Raises:
         ContactCurationError: there is no toss to judge by.
@@ -110,7 +119,7 @@ def judging_tosses(
         accepted=len(tosses),
         rejected=tosses.reasons,
         duplicates=duplicates,
-        warnings=(*read.warnings, *_seen_before(judged_by, models), *rigs),
+        warnings=(*read.warnings, *_seen_before(judged_by, models), *rigs, *_of_other_losses(models, loss)),
     )
 
 
@@ -149,6 +158,19 @@ def _of_other_rigs(models: Sequence[LearnedModel], settings: str) -> list[str]:
         for one in models
         if one.rig is not None and one.rig != settings
     ]
+
+
+def _of_other_losses(models: Sequence[LearnedModel], loss: LossConfig) -> list[str]:
+    """Lines on models whose trainings minimised another loss than the one that is reported."""
+    lines = []
+    for one in models:
+        geometry = one.model.geometry()
+        rigid = geometry is not None and geometry.is_rigid
+        names = one.loss.differences(loss, one.body, rigid) if one.loss else ()
+        if one.loss and names:
+            told = ", ".join(f"loss.{name}={str(getattr(one.loss, name)).lower()}" for name in names)
+            lines.append(f"{one.name}: its training minimised another loss ({told}) than is reported here")
+    return lines
 
 
 def _bounce(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> Bounce | None:
