@@ -36,7 +36,7 @@ class ReadinessConfig:
         recent: number of newest tosses whose losses are checked.
         largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
             (method.md 1.2); by default that of a velocity that no impulse explains, the same for all bodies [m/s]: 0.15 for
-            ContactNets' cube, whose real tosses have 0.02 at the true parameters. Noise adds what it makes of velocities over
+            ContactNets' cube, whose real tosses have 0.03 at the true parameters. Noise adds what it makes of velocities over
             150 frames a second, or with a noisier tracker than ContactNets'.
         tracker_noise: noise of the poses as a multiple of that of ContactNets' rig, as in pose_ingest's
             segmenter.tracker_noise.

@@ -161,12 +161,12 @@ def _of_other_rigs(models: Sequence[LearnedModel], settings: str) -> list[str]:
 
 
 def _of_other_losses(models: Sequence[LearnedModel], loss: LossConfig) -> list[str]:
-    """Lines on models whose trainings minimised another loss than the one that is reported."""
-    lines = []
-    for one in models:
-        geometry = one.model.geometry()
-        rigid = geometry is not None and geometry.is_rigid
-        names = one.loss.differences(loss, one.body, rigid) if one.loss else ()
+    """Lines on models whose trainings minimised another loss than the one that is reported, or that have different ones."""
+    lines, rigid = [], [geometry is not None and geometry.is_rigid for geometry in (one.model.geometry() for one in models)]
+    if loss.balanced and len(set(rigid)) > 1:
+        lines.append("losses of the two models cannot be compared: only one is of the form rigid, whose loss is balanced")
+    for one, is_rigid in zip(models, rigid, strict=True):
+        names = one.loss.differences(loss, one.body, is_rigid) if one.loss else ()
         if one.loss and names:
             told = ", ".join(f"loss.{name}={str(getattr(one.loss, name)).lower()}" for name in names)
             lines.append(f"{one.name}: its training minimised another loss ({told}) than is reported here")

@@ -58,4 +58,9 @@ def test_what_is_known_follows_from_the_loss_that_the_training_minimised_and_a_w
     assert loss == of_balanced[1] != of_published[1]
     said = "cube: its training minimised another loss (loss.balanced=false) than is reported here"
     assert judged(published, balanced)[1].warnings == (said,)
+    physical = LearnedModel(PolytopeModel(ContactGeometry.of_body(body), body, Form.PHYSICAL), "other", loss=published)
+    for reported, count in ((balanced, 1), (published, 0)):
+        two = [judged(reported, reported)[0], physical]
+        warnings = judging_tosses(Tosses.of(tosses, body), None, two, loss=reported).warnings
+        assert [line.partition(":")[0] for line in warnings] == ["losses of the two models cannot be compared"] * count
     assert judged(published, published)[1].warnings == judged(replace(balanced, tolerance=1e-8), balanced)[1].warnings == ()
