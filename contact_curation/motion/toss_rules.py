@@ -41,7 +41,7 @@ def stride_at(frame_period: float) -> int:
 
 @dataclass(slots=True)
 class FallDetector:
-    """Vertical velocity and acceleration after frame n of a run without gaps, by the rules of `smoothing`.
+    """Vertical velocity and acceleration after frame n of a run without gaps, filtered at any frame rate.
 
     The median of three looks one frame ahead, so both lag by one frame.
 
