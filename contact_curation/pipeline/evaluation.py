@@ -10,6 +10,7 @@ from contact_curation.configs import whole_number
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import is_physical
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, split
 from contact_curation.learning.evaluation.misfit import sliding_of
@@ -185,7 +186,8 @@ def _more(judged: LearnedModel, tosses: JudgingTosses, config: EvaluationConfig,
     fitted = tosses.fitted or tuple(toss for toss in tosses.judged_by if toss.toss_id in judged.fitted_to)
     if not judged.at_optimum or not fitted or judged.shape_known_to is not None:
         return None
-    return more_throws(judged.model, transitions_of(fitted, judged.body.length_scale), tosses.judged_by, config, throws)
+    data = as_described(transitions_of(fitted, judged.body.length_scale), judged.model.geometry(), judged.body)
+    return more_throws(judged.model, data, tosses.judged_by, config, throws)
 
 
 def _known(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:
