@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
     models = [load_model(path, body) for path in (arguments.model, arguments.against) if path]
     with Progress("reading", "tosses") as bar:
         read = read_tosses(arguments.inputs, reading, advance=bar.advance)
-    tosses = judging_tosses(read, arguments.held_out, models)
+    tosses = judging_tosses(read, arguments.held_out, models, loss=config.loss)
     warn(tosses.warnings)
     found = evaluate_models(models, tosses, config, replace(stages["known"], loss=stages["loss"]), Progress, arguments.more)
     if arguments.figure:

@@ -66,6 +66,18 @@ class LossConfig:
         factors = dict.fromkeys(OF_IMPULSES, GAPS * share) | {"dissipation": SLIP * share, "penetration": PENETRATION}
         return replace(self, **{name: factor * getattr(self, name) for name, factor in factors.items()})
 
+    def differences(self, other: "LossConfig", body: Body, rigid: bool) -> tuple[str, ...]:
+        """Names of the fields by which another loss of a theta has other values; none where all values are the same."""
+        own, others = (each.for_theta(body, rigid) for each in (self, other))
+        if (own.weights, own.cone) == (others.weights, others.cone):
+            return ()
+        return tuple(name for name in OF_VALUES if getattr(self, name) != getattr(other, name))
+
+    @property
+    def in_words(self) -> str:
+        """What the loss follows from, a word for each field."""
+        return " ".join(f"{name}={str(getattr(self, name)).lower()}" for name in OF_VALUES)
+
     @cached_property
     def weights(self) -> ConeWeights:
         """What the inner problem needs of them."""
@@ -74,5 +86,8 @@ class LossConfig:
 
 OF_IMPULSES = ("complementarity_normal", "complementarity_tangent", "dissipation", "regularization")
 """Weights of squared impulses."""
+
+OF_VALUES = (*(field.name for field in fields(ConeWeights)), "cone", "balanced")
+"""Fields that change the loss; the others say how it is computed."""
 
 DEFAULT_LOSS = LossConfig()

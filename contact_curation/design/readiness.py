@@ -17,7 +17,7 @@ from contact_curation.configs import ranged, set_whole_numbers
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.smoothing import QUIET_PERIOD, noise_growth
+from contact_curation.motion.smoothing import QUIET_PERIOD, kinematic_noise_growth
 
 CUBE_LOSS = 0.15
 """Largest loss of ContactNets' cube, characteristic units."""
@@ -36,7 +36,7 @@ class ReadinessConfig:
         recent: number of newest tosses whose losses are checked.
         largest_loss: largest median loss of the newest tosses, each when it was first scored, in characteristic units
             (method.md 1.2); by default that of a velocity that no impulse explains, the same for all bodies [m/s]: 0.15 for
-            ContactNets' cube, whose real tosses have 0.02 at the true parameters. Noise adds what it makes of velocities over
+            ContactNets' cube, whose real tosses have 0.03 at the true parameters. Noise adds what it makes of velocities over
             150 frames a second, or with a noisier tracker than ContactNets'.
         tracker_noise: noise of the poses as a multiple of that of ContactNets' rig, as in pose_ingest's
             segmenter.tracker_noise.
@@ -66,7 +66,7 @@ class ReadinessConfig:
     def of_body(self, body: Body, frame_period: float = QUIET_PERIOD) -> "ReadinessConfig":
         """The same with a loss for the body and its tracker's frame period [s], where its user has set none."""
         cube = CONTACTNETS_CUBE
-        of_cube = CUBE_LOSS + NOISE_LOSS * (noise_growth(frame_period, self.tracker_noise) ** 2 - 1.0)
+        of_cube = CUBE_LOSS + NOISE_LOSS * (kinematic_noise_growth(frame_period, self.tracker_noise) ** 2 - 1.0)
         loss = of_cube * (cube.length_scale / body.length_scale) ** 2
         return replace(self, largest_loss=self.largest_loss or loss)
 

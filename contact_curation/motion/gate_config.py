@@ -43,7 +43,7 @@ class GateConfig:
     derived bound of ContactNets' cube.
 
     Bounds on velocities hold up to 150 frames a second for the noise of ContactNets' rig; with more of either they grow, those
-    on     accelerations with the square of the rate.
+    on accelerations with the square of the rate. Velocities that are not filtered (smoothing.py) count as 1.6 times as noisy.
 
     Attributes:
         enabled: whether gates are applied; if not, every toss passes.

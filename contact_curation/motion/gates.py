@@ -39,6 +39,7 @@ from contact_curation.motion.smoothing import (
     all_around,
     clear_steps,
     is_filtered,
+    kinematic_noise_growth,
     median_of_three,
     noise_growth,
     noise_without_filter,
@@ -81,7 +82,7 @@ class Steps:
 
     def growth(self, noise: float = 1.0, order: int = 1) -> float:
         """What bounds on velocities (order 1) or accelerations (2) are multiplied with, for so many times the rig's noise."""
-        return noise_growth(self.toss.frame_period, noise, order)
+        return kinematic_noise_growth(self.toss.frame_period, noise, order)
 
 
 def steps_of(toss: Toss, body: TossedBody, bounds: GateBounds, tracker: TrackerScale = RIG) -> Steps:

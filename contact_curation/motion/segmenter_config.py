@@ -8,7 +8,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.motion.gate_config import LENGTH_NOISE, airborne_noise
 from contact_curation.motion.pose_noise import RIG, RIG_NOISE, TrackerScale
 from contact_curation.motion.scales import BodyScale
-from contact_curation.motion.smoothing import noise_growth, noise_without_filter
+from contact_curation.motion.smoothing import kinematic_noise_growth, noise_growth, noise_without_filter
 
 RIG_GRAVITY = 9.81
 """Under which the public tosses fell [m/s^2]."""
@@ -173,13 +173,14 @@ class SegmenterBounds:
     reach: float
 
     def acceleration_noise(self, frame_period: float) -> float:
-        """How much noisier accelerations are than those of ContactNets' rig, at least 1."""
+        """How much noisier the accelerations of a `FallDetector` are than those of ContactNets' rig, at least 1."""
         return noise_growth(frame_period, self.noise, 2)
 
     def airborne_bound(self, frame_period: float) -> float:
         """`airborne_acceleration` as noise wants it [m/s^2]."""
         least = self.airborne_noise * noise_without_filter(frame_period) / frame_period**2
-        return max(self.airborne_acceleration * (1.0 if least else self.acceleration_noise(frame_period)), least)
+        growth = 1.0 if least else kinematic_noise_growth(frame_period, self.noise, 2)
+        return max(self.airborne_acceleration * growth, least)
 
     def fall_tolerances(self, frame_period: float) -> tuple[float, float]:
         """`fall_tolerance` and `fall_mean_tolerance` as noise wants them, within `WIDEST_FALL`, [m/s^2]."""

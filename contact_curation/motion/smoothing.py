@@ -39,7 +39,7 @@ def noise_without_filter(frame_period: float) -> float:
 
 
 def noise_growth(frame_period: float, noise: float = 1.0, order: int = 1) -> float:
-    """How much noisier derivatives are than those of ContactNets' poses at `QUIET_PERIOD`; at least 1.
+    """How much noisier filtered derivatives are than those of ContactNets' poses at `QUIET_PERIOD`; at least 1.
 
     With bounds that grow so, a tracker's jump of the same length is seen at any rate.
 
@@ -48,7 +48,12 @@ def noise_growth(frame_period: float, noise: float = 1.0, order: int = 1) -> flo
         noise: of the poses, in multiples of that of ContactNets' rig.
         order: 1 of velocities, 2 of accelerations.
     """
-    return max(1.0, noise * noise_without_filter(frame_period) * (QUIET_PERIOD / frame_period) ** order)
+    return max(1.0, noise * (QUIET_PERIOD / frame_period) ** order)
+
+
+def kinematic_noise_growth(frame_period: float, noise: float = 1.0, order: int = 1) -> float:
+    """The same of the derivatives that `kinematics` gives, which are not filtered at every rate."""
+    return noise_growth(frame_period, noise * noise_without_filter(frame_period), order)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,18 +121,21 @@ def vertex_travels(toss: Toss, reach: float) -> Array:
     return np.asarray(np.maximum(speeds[:-1], speeds[1:]) * np.diff(toss.stamps_ns) / NANOSECONDS)
 
 
-def kinematics(stamps_ns: NDArray[np.int64], positions: Array, orientations_wxyz: Array) -> Kinematics:
+def kinematics(
+    stamps_ns: NDArray[np.int64], positions: Array, orientations_wxyz: Array, frame_period: float | None = None
+) -> Kinematics:
     """Rates of T >= 2 successive poses.
 
     Args:
         stamps_ns: (T,) strictly increasing.
         positions: (T, 3) [m] in the board's frame.
         orientations_wxyz: (T, 4) body to board.
+        frame_period: of the tracker [s], which decides whether rates are filtered; None for the median of the steps.
     """
     steps = np.diff(stamps_ns)[:, np.newaxis] / NANOSECONDS  # (T - 1, 1)
     turns = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations_wxyz[:-1]), orientations_wxyz[1:]))
     linear, angular = _first_repeated(np.diff(positions, axis=0) / steps), _first_repeated(turns / steps)
-    if is_filtered(float(np.median(steps))):
+    if is_filtered(float(np.median(steps)) if frame_period is None else frame_period):
         linear, angular = median_of_three(linear), median_of_three(angular)
     return Kinematics(linear, angular, _first_repeated(np.diff(linear, axis=0) / steps))
 

@@ -41,7 +41,7 @@ def stride_at(frame_period: float) -> int:
 
 @dataclass(slots=True)
 class FallDetector:
-    """Vertical velocity and acceleration after frame n of a run without gaps, by the rules of `smoothing`.
+    """Vertical velocity and acceleration after frame n of a run without gaps, filtered at any frame rate.
 
     The median of three looks one frame ahead, so both lag by one frame.
 
@@ -159,14 +159,15 @@ def cut(run: Sequence[Frame], first: int, stop: int, body: str, source: str, con
     orientations = _table([frame.orientation_wxyz for frame in run], 4)
     if config.filter_orientations:
         orientations = median_orientations(orientations)
-    rates = kinematics(stamps, positions, orientations)
     kept = slice(first, stop)
+    frame_period = config.frame_period or float(np.median(np.diff(stamps[kept]))) / NANOSECONDS
+    rates = kinematics(stamps, positions, orientations, frame_period)
     beginning = [value for frame in run[first : first + 2] for value in (*frame.position, *frame.orientation_wxyz)]
     toss = Toss(
         toss_id=toss_identity(body, source, int(stamps[first]), beginning),
         body=body,
         source=source,
-        frame_period=config.frame_period or float(np.median(np.diff(stamps[kept]))) / NANOSECONDS,
+        frame_period=frame_period,
         stamps_ns=stamps[kept],
         positions=positions[kept],
         orientations_wxyz=orientations[kept],

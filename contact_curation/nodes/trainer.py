@@ -68,7 +68,7 @@ class Trainer(StageNode):
         )
         self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")
-        self._kind = kind
+        self._kind, self._loss = kind, protocol.loss
         self._misfits: tuple[str, ...] = ()
         self._said_to_rest: tuple[int, Stamped] | None = None
         self._errors: tuple[str, HeldOutErrors] | None = None
@@ -146,7 +146,7 @@ class Trainer(StageNode):
 
     def _say(self, moment: Moment, version: str) -> None:
         if self._errors is None or self._errors[0] != version:
-            self._errors = version, self._held_out.errors(moment.model)
+            self._errors = version, self._held_out.errors(moment.model, self._loss)
         rests_on = self._stage.rests_on
         self._said_to_rest = None if rests_on is None else (rests_on.revision, self._stamped)
         revision = None if rests_on is None else rests_on.revision

@@ -2,12 +2,15 @@
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 import torch
 
 from contact_curation.configs import whole_number
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.contact.parameter_form import is_physical
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.held_out import HeldOutRule, NumberedToss, split
 from contact_curation.learning.evaluation.misfit import sliding_of
@@ -44,8 +47,9 @@ def evaluate_models(
     Args:
         models: one, or two that are compared.
         tosses: as `judging_tosses` divides them.
-        config: of the rollouts.
-        known_config: of what is known of a polytope's parameters.
+        config: of the rollouts, and the loss that is reported.
+        known_config: of what is known of a polytope's parameters, by the loss that the first model's training minimised; by
+            that of `config` where its file does not say.
         progress: hears how far it is.
         more: number of further throws whose effect is predicted; None for as many as the first model was fitted to.
 
@@ -67,17 +71,22 @@ def evaluate_models(
         for one in models
         if one.model.has_own_friction_vertices
     }
-    known_config = (known_config or KnownConfig()).with_shape(models[0].shape)
+    minimised = replace(models[0].loss or config.loss, threads=config.loss.threads)
+    known_config = replace(known_config or KnownConfig(), loss=minimised).with_shape(models[0].shape)
     what_is_known, why_not = _known(models[0], tosses, known_config)
     bounce = _bounce(models[0], tosses, known_config)
-    change = _more(models[0], tosses, config, more)
+    change = _more(models[0], tosses, replace(config, loss=minimised), more)
     return Evaluation(
         tuple(models), tuple(evaluations), rigid, tosses, what_is_known, why_not, bounce, change, config.bootstrap
     )
 
 
 def judging_tosses(
-    tosses: Tosses, spec: HeldOut | None, models: Sequence[LearnedModel], name: str = "--held-out"
+    tosses: Tosses,
+    spec: HeldOut | None,
+    models: Sequence[LearnedModel],
+    name: str = "--held-out",
+    loss: LossConfig = DEFAULT_LOSS,
 ) -> JudgingTosses:
     """Divides tosses into those that models are evaluated on and those that they were trained on.
 
@@ -86,6 +95,7 @@ def judging_tosses(
         spec: what is held out; None for what the first model's training held out, or all; all, too, where it is `none`.
         models: at least one; what the first learned from is what it was fitted to.
         name: of the option or parameter with `spec`, for messages.
+        loss: that will be reported.
 
     Raises:
         ContactCurationError: there is no toss to judge by.
@@ -110,7 +120,7 @@ def judging_tosses(
         accepted=len(tosses),
         rejected=tosses.reasons,
         duplicates=duplicates,
-        warnings=(*read.warnings, *_seen_before(judged_by, models), *rigs),
+        warnings=(*read.warnings, *_seen_before(judged_by, models), *rigs, *_of_other_losses(models, loss)),
     )
 
 
@@ -151,6 +161,19 @@ def _of_other_rigs(models: Sequence[LearnedModel], settings: str) -> list[str]:
     ]
 
 
+def _of_other_losses(models: Sequence[LearnedModel], loss: LossConfig) -> list[str]:
+    """Lines on models whose trainings minimised another loss than the one that is reported, or that have different ones."""
+    lines, rigid = [], [geometry is not None and geometry.is_rigid for geometry in (one.model.geometry() for one in models)]
+    if loss.balanced and len(set(rigid)) > 1:
+        lines.append("losses of the two models cannot be compared: only one is of the form rigid, whose loss is balanced")
+    for one, is_rigid in zip(models, rigid, strict=True):
+        names = one.loss.differences(loss, one.body, is_rigid) if one.loss else ()
+        if one.loss and names:
+            told = ", ".join(f"loss.{name}={str(getattr(one.loss, name)).lower()}" for name in names)
+            lines.append(f"{one.name}: its training minimised another loss ({told}) than is reported here")
+    return lines
+
+
 def _bounce(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> Bounce | None:
     """The restitution of the tosses to whose optimum a model was fitted without one."""
     if not judged.at_optimum or not tosses.fitted:
@@ -163,7 +186,8 @@ def _more(judged: LearnedModel, tosses: JudgingTosses, config: EvaluationConfig,
     fitted = tosses.fitted or tuple(toss for toss in tosses.judged_by if toss.toss_id in judged.fitted_to)
     if not judged.at_optimum or not fitted or judged.shape_known_to is not None:
         return None
-    return more_throws(judged.model, transitions_of(fitted, judged.body.length_scale), tosses.judged_by, config, throws)
+    data = as_described(transitions_of(fitted, judged.body.length_scale), judged.model.geometry(), judged.body)
+    return more_throws(judged.model, data, tosses.judged_by, config, throws)
 
 
 def _known(judged: LearnedModel, tosses: JudgingTosses, config: KnownConfig) -> tuple[Known | None, str]:

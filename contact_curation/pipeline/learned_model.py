@@ -5,13 +5,14 @@ from os import PathLike
 from pathlib import Path
 
 from contact_curation.contact.body import Body
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, read_json, write_atomically
-from contact_curation.learning.checkpoints.checkpoint import shape_known_to_of_bytes
+from contact_curation.learning.checkpoints.checkpoint import loss_of_bytes, shape_known_to_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
@@ -37,6 +38,7 @@ class LearnedModel:
         rig: how these were calibrated, in words of `--set`; None where its file does not say.
         at_optimum: whether its training says that it ended at the optimum of its tosses.
         shape_known_to: how exactly its training knew the corners beforehand [m]; None for the published initialisation.
+        loss: that its training minimised; None where its file does not say.
         data: the checkpoint; empty for a model that comes from none.
         warnings: what was left out of the recordings it learned from just now, and what was assumed, one line each.
     """
@@ -49,6 +51,7 @@ class LearnedModel:
     rig: str | None = None
     at_optimum: bool = False
     shape_known_to: float | None = None
+    loss: LossConfig | None = None
     data: bytes = b""
     warnings: tuple[str, ...] = ()
 
@@ -148,6 +151,7 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
         rig=notes.get("rig"),
         at_optimum=OPTIMUM in notes,
         shape_known_to=shape_known_to_of_bytes(data, name),
+        loss=loss_of_bytes(data, name),
         data=data,
     )
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import evaluation_tosses
@@ -13,7 +14,7 @@ from contact_curation.stages.held_out_tosses import HeldOutTosses
 from contact_curation.storage.stores.tosses import TossStore
 
 if TYPE_CHECKING:
-    from contact_curation.contact.models.model import Model
+    from contact_curation.pipeline.learned_model import LearnedModel
 
 
 @dataclass(frozen=True)
@@ -66,22 +67,22 @@ def learned_of(
     """
     if not folder.checkpoint.exists():
         return None, None
-    from contact_curation.storage.checkpoint_file import read_model  # torch takes over a second to import
+    from contact_curation.pipeline.learned_model import load_model  # torch takes over a second to import
 
     body = config.body()
-    model = read_model(folder.checkpoint, body)
+    learned = load_model(folder.checkpoint, body)
     held_out = HeldOutTosses(())
     if config.evaluate_on:
         held_out = HeldOutTosses(
             evaluation_tosses("--evaluate-on", config.evaluate_on, ReadingConfig(body, held_out_inputs(config)))
         )
-    errors = held_out.errors(model)
+    errors = held_out.errors(learned.model, learned.loss or DEFAULT_LOSS)
     summary = HeldOutSummary(errors.position, errors.rotation, errors.loss, len(held_out.tosses)) if held_out.tosses else None
-    return summary, _parameters(model, folder, state, held_out.tosses)
+    return summary, _parameters(learned, folder, state, held_out.tosses)
 
 
 def _parameters(
-    model: "Model", folder: SessionFolder, state: SessionState, held_out: tuple[Toss, ...]
+    learned: "LearnedModel", folder: SessionFolder, state: SessionState, held_out: tuple[Toss, ...]
 ) -> LearnedSummary | None:
     """None for a network. The noise is that of tosses that were not trained on, of the session's own where there are some."""
     from contact_curation.contact.parameter_form import is_physical
@@ -89,8 +90,8 @@ def _parameters(
     from contact_curation.learning.evaluation.misfit import sliding_of
     from contact_curation.learning.uncertainty.parameters import KnownConfig, known
     from contact_curation.motion.transitions import transitions_of
-    from contact_curation.pipeline.learned_model import load_model
 
+    model = learned.model
     shape, geometry = shape_errors(model), model.geometry()
     if shape is None or geometry is None:
         return None
@@ -102,7 +103,7 @@ def _parameters(
     if fitted and others and is_physical(geometry):
         scale = model.body.length_scale
         slid = sliding_of((*fitted, *others), model.body)
-        config = KnownConfig().with_shape(load_model(folder.checkpoint).shape)
+        config = KnownConfig(learned.loss or DEFAULT_LOSS).with_shape(learned.shape)
         found = known(model, transitions_of(fitted, scale), transitions_of(others, scale), config, slid)
         interval = next(one.interval for one in found.parameters if one.name == "friction")
     return LearnedSummary(shape.friction, interval, model.body.friction, shape.vertex_rms_mm, len(fitted), len(state.throws))

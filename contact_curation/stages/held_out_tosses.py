@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from contact_curation.configs import ranged
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.toss import Toss
@@ -69,13 +70,13 @@ class HeldOutTosses:
     def __init__(self, tosses: Sequence[Toss]) -> None:
         self.tosses = tuple(tosses)
 
-    def errors(self, model: "Model") -> HeldOutErrors:
-        """How far the predicted motions are from the measured ones (method.md 1.11)."""
+    def errors(self, model: "Model", loss: LossConfig = DEFAULT_LOSS) -> HeldOutErrors:
+        """How far the predicted motions are from the measured ones (method.md 1.11), and the loss that training minimises."""
         if not self.tosses:
             return HeldOutErrors(np.nan, np.nan, np.nan, 0)
         from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model  # torch takes seconds
 
-        found = evaluate_model(model, self.tosses, EvaluationConfig())
+        found = evaluate_model(model, self.tosses, EvaluationConfig(loss))
         finite = found.errors.finite
         position, rotation = (_mean(values[finite]) for values in (found.errors.position, found.errors.rotation))
         return HeldOutErrors(found.mean_loss, position, rotation, len(found.not_finite))

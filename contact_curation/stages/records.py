@@ -98,11 +98,12 @@ class AnnouncedTosses:
 
 @dataclass(frozen=True)
 class ScorerPosition:
-    """What the scorer has scored: every toss up to the cursor, at this version of theta."""
+    """What the scorer has scored: every toss up to the cursor, at this version of theta, by this loss; empty: not known."""
 
     KEY: ClassVar = "cursor"
     version: str
     cursor: Cursor
+    loss: str = ""
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,11 @@ class ScoringStage:
         position = load_record(self._states.load, ScorerPosition)
         if position is not None and position.version != self.version:  # started with another body, or other parameters
             self._score_anew()
+        elif position is not None and position.loss:
+            own, kept = (dict(word.split("=") for word in words.split()) for words in (config.loss.in_words, position.loss))
+            for name, value in own.items():
+                if kept.get(name, value) != value:
+                    raise InvalidValueError(f"loss.{name}", value, f"{kept[name]}, as in the store, or another store")
         informations.reach_disk()  # what was stored and not announced will be
 
     @property
@@ -123,7 +128,7 @@ class ScoringStage:
         """Drops what is kept of this theta from an earlier time, and information that is too old; begins at the first toss."""
         self._informations.drop_version(self.version)
         self._informations.keep_newest_versions(MOST_VERSIONS)
-        self._states.save(stored_records(ScorerPosition(self.version, Cursor())))  # a restart drops nothing again
+        self.advance(Cursor())  # a restart drops nothing again
 
     def postpone(self, theta: ScoredTheta) -> None:
         """Remembers the theta to go on with once all tosses are scored at the present one; the newest replaces the others.
@@ -194,7 +199,7 @@ class ScoringStage:
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that every toss up to the cursor was scored at this theta."""
-        self._states.save(stored_records(ScorerPosition(self.version, cursor)))
+        self._states.save(stored_records(ScorerPosition(self.version, cursor, self._config.loss.in_words)))
 
     @property
     def last_sequence(self) -> int:

@@ -20,8 +20,10 @@ from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.pose_stream import PoseRun
 from contact_curation.motion.segmenter import TossSegmenter
 from contact_curation.motion.segmenter_config import SegmenterConfig
-from contact_curation.motion.smoothing import kinematics
+from contact_curation.motion.smoothing import is_filtered, kinematics
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
+from contact_curation.motion.toss_rules import Frame
+from contact_curation.motion.toss_rules import cut as rules_cut
 from test.motion.streams import CUBE, PERIOD_NS, Throw, noisy, stream
 
 Outcome = Toss | Rejected
@@ -74,15 +76,16 @@ def number_of(toss: Toss, poses: Sequence[BodyPose]) -> int:
     return [one.stamp_ns for one in poses].index(int(toss.stamps_ns[0]))
 
 
-def test_a_toss_begins_in_free_fall_and_ends_with_ten_frames_of_rest() -> None:
-    throw = Throw(carried=20)
-    poses = stream(throw)
+@pytest.mark.parametrize("rate", [100, 120, 148])
+def test_a_toss_begins_in_free_fall_and_ends_with_ten_frames_of_rest(rate: int) -> None:
+    throw, period_ns = Throw(carried=20), round(NANOSECONDS / rate)
+    poses = stream(throw, period_ns=period_ns)
     toss = tossed(cut(poses))
     assert 0 <= number_of(toss, poses) - throw.carried <= 2
     steps = np.linalg.norm(np.diff(toss.positions, axis=0), axis=1)
     assert (steps[-9:] <= 0.3e-3).all()
     assert steps[-10] > 0.3e-3
-    assert toss.frame_period == pytest.approx(PERIOD_NS / NANOSECONDS)
+    assert toss.frame_period == pytest.approx(period_ns / NANOSECONDS)
 
 
 def test_its_poses_are_the_streams_and_its_velocities_know_the_frames_around_it() -> None:
@@ -98,6 +101,18 @@ def test_its_poses_are_the_streams_and_its_velocities_know_the_frames_around_it(
     np.testing.assert_array_equal(toss.positions, [one.pose.position for one in poses][frames])
     np.testing.assert_allclose(toss.linear_velocities, whole.linear_velocities[frames], atol=1e-12)
     np.testing.assert_allclose(toss.angular_velocities, whole.angular_velocities[frames], atol=1e-9)
+
+
+@pytest.mark.parametrize("early_ns", [7_800_000, 7_600_000])
+def test_velocities_are_filtered_where_the_toss_s_own_frame_period_says_so(early_ns: int) -> None:
+    other_ns = 15_400_000 - early_ns  # of a camera of about 130 Hz whose stamps vary: one of both is filtered
+    stamps = np.cumsum([*[early_ns] * 6, *[early_ns, other_ns] * 10, other_ns])
+    positions = np.random.default_rng(1).normal(size=(len(stamps), 3))
+    run = [Frame(int(stamp), (x, y, z), (1.0, 0.0, 0.0, 0.0)) for stamp, (x, y, z) in zip(stamps, positions.tolist())]
+    toss = rules_cut(run, 6, len(run), "cube", "/odom", SegmenterConfig()).toss
+    assert toss.frame_period == other_ns / NANOSECONDS
+    plain = np.diff(toss.positions, axis=0) / np.diff(toss.stamps_ns)[:, np.newaxis] * NANOSECONDS
+    assert np.allclose(toss.linear_velocities[1:], plain) != is_filtered(toss.frame_period)
 
 
 def test_a_toss_comes_out_one_frame_after_its_last() -> None:

@@ -7,7 +7,13 @@ from scipy.signal import medfilt
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.smoothing import kinematics, median_of_three, median_orientations, noise_growth
+from contact_curation.motion.smoothing import (
+    kinematic_noise_growth,
+    kinematics,
+    median_of_three,
+    median_orientations,
+    noise_growth,
+)
 
 FRAMES = 40
 
@@ -89,4 +95,6 @@ def test_velocities_of_slow_cameras_are_the_differences_themselves_and_noise_cou
     for own, rates in ((found.linear_velocities, np.diff(positions, axis=0) / seconds), (found.angular_velocities, turns)):
         assert np.array_equal(own[1:], rates) != filtered
         np.testing.assert_array_equal(own[2:-1], (median_of_three(rates) if filtered else rates)[1:-1])
-    assert noise_growth(1.0 / rate, 10.0) == pytest.approx(max(1.0, 10.0 * (1.0 if filtered else 1.6) * rate / 150.0))
+    growth = 10.0 * rate / 150.0
+    assert noise_growth(1.0 / rate, 10.0) == pytest.approx(growth)
+    assert kinematic_noise_growth(1.0 / rate, 10.0) == pytest.approx(growth * (1.0 if filtered else 1.6))

@@ -11,6 +11,8 @@ import pytest
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig, rank
@@ -19,7 +21,7 @@ from contact_curation.information.scoring import BegunToss, ScoringConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.stages.curation import CurationConfig, CurationStage
-from contact_curation.stages.records import Cursor
+from contact_curation.stages.records import Cursor, ScorerPosition, stored_records
 from contact_curation.stages.scored_theta import ScoredTheta, theta_of_geometry
 from contact_curation.stages.scoring import Announcement, ScoringStage, checked_body
 from contact_curation.stages.selection import StreamingSelection
@@ -41,9 +43,9 @@ def store(folder: Path) -> Iterator[InformationStore]:
 
 
 @contextmanager
-def scoring(folder: Path, body: Body = CONTACTNETS_CUBE) -> Iterator[ScoringStage]:
+def scoring(folder: Path, body: Body = CONTACTNETS_CUBE, config: ScoringConfig | None = None) -> Iterator[ScoringStage]:
     with store(folder) as informations:
-        yield ScoringStage(body, ScoringConfig(), informations, theta_of_geometry(CUBE))
+        yield ScoringStage(body, config or ScoringConfig(), informations, theta_of_geometry(CUBE))
 
 
 @contextmanager
@@ -168,6 +170,26 @@ def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> No
     other = ScoringConfig(estimator=Estimator.EMPIRICAL)
     with store(tmp_path) as informations, pytest.raises(InvalidValueError, match="expected gauss-newton"):
         ScoringStage(CONTACTNETS_CUBE, other, informations, theta_of_geometry(CUBE))
+
+
+def test_results_by_two_losses_do_not_go_into_one_store_however_they_are_computed(tmp_path: Path) -> None:
+    config = ScoringConfig(form=Form.RIGID)
+    published, otherwise = (replace(config, loss=LossConfig(**changed)) for changed in ({"balanced": False}, {"threads": 1}))
+    with scoring(tmp_path, config=config) as stage:
+        stage.score(TOSSES[:1], FRAMES)
+        stage.advance(Cursor(1, TOSSES[0].toss_id))
+        version = stage.version
+    with scoring(tmp_path, config=otherwise) as stage:
+        assert stage.version == version
+    refused = pytest.raises(
+        InvalidValueError, match=r"^loss\.balanced: found false, expected true, as in the store, or another"
+    )
+    with refused, scoring(tmp_path, config=published):
+        pass
+    with store(tmp_path) as informations:  # of an earlier version, which did not say its loss
+        informations.states.save(stored_records(ScorerPosition(version, Cursor(1, TOSSES[0].toss_id))))
+    with scoring(tmp_path, config=published) as stage:
+        assert stage.version == version
 
 
 def test_a_toss_of_another_body_is_refused() -> None:

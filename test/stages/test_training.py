@@ -11,7 +11,9 @@ import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.model import Model, Rows
+from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnreadableInputError
@@ -24,6 +26,7 @@ from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import load_model
+from contact_curation.stages.held_out_tosses import HeldOutTosses
 from contact_curation.stages.records import TrainingRecord, load_record, stored_records
 from contact_curation.stages.training import Moment, RoundsConfig, SelectedSet, TrainingStage, made_of
 from contact_curation.storage.checkpoint_file import save_checkpoint
@@ -386,3 +389,16 @@ def test_rounds_begin_at_a_shape_that_is_known_and_stay_near_it(tmp_path: Path) 
     ) if geometry is not None]  # fmt: skip
     assert off[0] == 0.0
     assert 0.0 < off[-1] < 0.04
+
+
+def test_the_loss_of_held_out_tosses_is_the_one_that_is_trained_on() -> None:
+    rigid = PolytopeModel(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, Form.RIGID)
+    balanced, published = (LossConfig(threads=1, balanced=balanced) for balanced in (True, False))
+    held_out, of_data = HeldOutTosses(tosses()), transitions_of(tosses(), CONTACTNETS_CUBE.length_scale)
+    losses = []
+    for loss in (balanced, published):
+        found = rigid.batch_loss(Rows(of_data.before, of_data.after, of_data.dt), loss).losses
+        losses.append(held_out.errors(rigid, loss).loss)
+        assert losses[-1] == pytest.approx(float(found.detach().mean()))
+    assert losses[0] != losses[1]
+    assert held_out.errors(rigid).loss == losses[0]

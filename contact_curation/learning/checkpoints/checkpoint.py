@@ -97,6 +97,19 @@ def shape_known_to_of_bytes(data: bytes, source: Path | str) -> float | None:
     return value
 
 
+def loss_of_bytes(data: bytes, source: Path | str) -> LossConfig | None:
+    """The loss that the training in the bytes of a checkpoint minimised; None where there is no training.
+
+    Raises:
+        UnreadableInputError: no such bytes, or no weights of a loss.
+    """
+    try:
+        training = unpack(data, source).documents.get("training")
+        return None if training is None else _loss_of(training["config"]["loss"])
+    except MALFORMED as error:
+        raise UnreadableInputError(source, f"holds no training ({type(error).__name__}: {error})") from error
+
+
 def document_of(config: TrainingConfig) -> dict[str, Any]:
     """A protocol as JSON takes it: enumerations are strings already."""
     return asdict(config)
@@ -108,7 +121,7 @@ def config_of(document: dict[str, Any]) -> TrainingConfig:
     Raises:
         KeyError, TypeError, ValueError, InvalidValueError: a document of another form.
     """
-    patience, influence, loss = document["patience"], document["influence"], document["loss"]
+    patience, influence = document["patience"], document["influence"]
     return TrainingConfig(
         **{
             **document,
@@ -118,9 +131,15 @@ def config_of(document: dict[str, Any]) -> TrainingConfig:
             "schedule": Schedule(document["schedule"]),
             "patience": None if patience is None else Patience(**patience),
             "influence": InfluenceBound(**{**influence, "shape": InfluenceShape(influence["shape"])}),
-            "loss": LossConfig(**{"balanced": False, **loss, "cone": Cone(loss["cone"])}),
+            "loss": _loss_of(document["loss"]),
         }
     )
+
+
+def _loss_of(document: dict[str, Any]) -> LossConfig:
+    return LossConfig(
+        **{"balanced": False, **document, "cone": Cone(document["cone"])}
+    )  # earlier versions had the published one
 
 
 def _memory_document(memory: TrainingMemory) -> dict[str, Any]:

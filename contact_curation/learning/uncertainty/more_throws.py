@@ -32,7 +32,6 @@ from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.geometry.quaternions import Array
-from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions
 from contact_curation.learning.evaluation.motion_errors import motion_errors
 from contact_curation.learning.fits.held_fit import HeldFitConfig, weighted_sum
@@ -93,7 +92,7 @@ def more_throws(
 
     Args:
         model: at the optimum of `fitted`.
-        fitted: what it was fitted to.
+        fitted: what it was fitted to, as theta describes it (`information.impacts.as_described`).
         tosses: at least one, whose motions are predicted.
         config: of the fit's loss, the rollouts, and the seed of the draws.
         throws: how many more, at least 1; None for as many again.
@@ -102,7 +101,7 @@ def more_throws(
     if count < FEWEST or not isinstance(model, PolytopeModel) or model.form is not Form.RIGID:
         return None
     throws = count if throws is None else throws
-    pulls, unknown = toss_pulls(model, as_described(fitted, model.geometry(), model.body), HeldFitConfig(loss=config.loss))
+    pulls, unknown = toss_pulls(model, fitted, HeldFitConfig(loss=config.loss))
     if unknown:
         return MoreThrows(throws, None, None, None, None, unknown)
     rng = np.random.default_rng(config.bootstrap.seed)

@@ -32,8 +32,9 @@ Scores = tuple[TossInformation | NotScored, ...]
 
 TOSSES, SCORES = "tosses", "scores"
 
-LAYOUT = 2
-"""Of the shards; those of another one are not looked at."""
+LAYOUT = 3
+"""Of the shards, and of rules that no setting names, such as how velocities are computed (motion/smoothing.py); others are not
+looked at."""
 
 
 @dataclass(frozen=True)

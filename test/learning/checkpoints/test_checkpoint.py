@@ -15,6 +15,7 @@ from contact_curation.learning.checkpoints import safetensors_bytes
 from contact_curation.learning.checkpoints.checkpoint import (
     checkpoint_bytes,
     config_of,
+    loss_of_bytes,
     shape_known_to_of_bytes,
     training_of_bytes,
 )
@@ -272,5 +273,11 @@ def test_a_training_of_an_earlier_version_had_the_published_weights(whole: bytes
     packed = unpack(whole, "whole")
     documents = json.loads(json.dumps(packed.documents))
     assert config_of(documents["training"]["config"]).loss.balanced
+    assert loss_of_bytes(whole, "whole") == config_of(documents["training"]["config"]).loss
     del documents["training"]["config"]["loss"]["balanced"]
     assert not config_of(documents["training"]["config"]).loss.balanced
+    assert loss_of_bytes(pack(packed.arrays, documents), "earlier") == config_of(documents["training"]["config"]).loss
+    assert loss_of_bytes(model_bytes(training_for().model), "a model alone") is None
+    documents["training"]["config"]["loss"]["match"] = -1.0
+    with pytest.raises(UnreadableInputError, match=r"^spoilt: holds no training"):
+        loss_of_bytes(pack(packed.arrays, documents), "spoilt")

@@ -10,8 +10,12 @@ from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
+from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
+from contact_curation.learning.fits.held_fit import HeldFitConfig
+from contact_curation.learning.uncertainty import more_throws as more_throws_module
 from contact_curation.learning.uncertainty.more_throws import FEWEST, MoreThrows, more_throws, motion_change
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
@@ -92,6 +96,21 @@ def test_a_vertex_that_touches_nothing_is_named_and_no_number_is_said() -> None:
         "what more throws like these would change is not known: they do not determine vertex 8; "
         "if the described corners are exact, say so (shape_known_to)"
     )
+
+
+def test_impacts_that_were_merged_for_a_restitution_are_not_merged_once_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    bouncing = PolytopeModel(replace(fitted(8).geometry(), restitution=0.2), CUBE, Form.RIGID)
+    described = as_described(data(8), bouncing.geometry(), CUBE)
+    assert len(as_described(described, bouncing.geometry(), CUBE).dt) < len(described.dt)
+    taken = list[Transitions]()
+
+    def pulls(_: PolytopeModel, fitted: Transitions, __: HeldFitConfig) -> tuple[Array, tuple[str, ...]]:
+        taken.append(fitted)
+        return np.zeros((8, 1)), ("friction",)
+
+    monkeypatch.setattr(more_throws_module, "toss_pulls", pulls)
+    more_throws(bouncing, described, thrown()[MOST:], CONFIG)
+    assert taken == [described]
 
 
 def test_nothing_is_said_of_few_tosses_or_another_form() -> None:
