@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
@@ -41,6 +42,7 @@ def test_tosses_that_bounce_give_the_word_and_what_to_do() -> None:
     bounce = found(thrown(0.3, 16, 1))
     assert bounce is not None
     assert bounce.restitution == pytest.approx(0.3, abs=0.1)
+    assert bounce.shown
     assert bounce.missing
     assert bounce.in_words().endswith("from 16 of them); learn it, too: train --set training.restitution=true")
 
@@ -49,6 +51,7 @@ def test_tosses_that_do_not_bounce_give_none() -> None:
     bounce = found(thrown(0.0, 4, 1))
     assert bounce is not None
     assert bounce.restitution < bounce.interval
+    assert not bounce.shown
     assert not bounce.missing
     assert not bounce.in_words()
 
@@ -57,6 +60,7 @@ def test_a_word_needs_a_restitution_above_its_interval_that_matters() -> None:
     assert Bounce(0.06, 0.05, 8).missing
     assert not Bounce(0.06, 0.07, 8).missing
     assert not Bounce(0.04, 0.01, 8).missing
+    assert not Bounce(0.06, 0.05, 8, shown=False).missing
 
 
 def test_it_is_not_asked_of_few_tosses_of_another_form_or_of_a_model_that_bounces() -> None:
@@ -87,3 +91,13 @@ def test_the_real_cube_bounces(contactnets_folder: Path, seed: int) -> None:
     assert bounce is not None
     assert bounce.missing
     assert 0.08 < bounce.restitution < 0.4
+
+
+@pytest.mark.slow
+def test_nothing_is_said_of_the_golden_bag_which_does_not_bounce(golden_bag: Path) -> None:
+    """By the fit alone its restitution is 0.06 +- 0.04."""
+    tosses = tuple(cc.read(golden_bag, body=CUBE))
+    bounce = found(tosses)
+    assert bounce is not None
+    assert bounce.restitution > bounce.interval
+    assert not bounce.missing
