@@ -130,17 +130,21 @@ def read_description(path: Path, options: BodyOptions = AS_IN_THE_FILE) -> BodyD
         UnreadableInputError: there is no such file, it describes no body, or one that cannot be; the line names the value.
     """
     try:
-        return checked(_found(path, options))
+        found = _found(path, options)
     except UnreadableInputError:
         raise
     except ContactCurationError as error:
         raise UnreadableInputError(path, str(error)) from error
+    return checked(found)
 
 
 def checked(found: BodyDescription) -> BodyDescription:
-    """The description with a warning for each unusual value; InvalidValueError for one that no body has."""
-    check_values(found._asdict())
-    return found._replace(warnings=(*found.warnings, *implausible(_numbers_of(found))))
+    """The description with a warning for each unusual value; UnreadableInputError for a value that no body has."""
+    try:
+        check_values(found._asdict())
+        return found._replace(warnings=(*found.warnings, *implausible(_numbers_of(found))))
+    except ContactCurationError as error:
+        raise UnreadableInputError(found.source, str(error)) from error
 
 
 def _found(path: Path, options: BodyOptions) -> BodyDescription:

@@ -93,6 +93,17 @@ def test_a_network_is_one_line(cli: Cli, tmp_path: Path) -> None:
         cc.load_model(tmp_path / "deep.safetensors").learned_body()
 
 
+def test_a_shape_that_no_body_has_is_one_line(cli: Cli, tmp_path: Path) -> None:
+    away = LEARNED.vertices_normal + np.array([3.0, 0.0, 0.0])
+    path = checkpoint_of(tmp_path / "a.safetensors", replace(LEARNED, vertices_normal=away, vertices_tangent=away))
+    done = cli("body", path, "--out", tmp_path / "a.yaml")
+    assert done.status == 1
+    assert done.err.startswith(
+        f"contact-curation: error: {path}: vertices: found the centre of mass, their origin, lies outside"
+    )
+    assert not (tmp_path / "a.yaml").exists()
+
+
 def test_values_of_options_are_refused_beside_a_checkpoint(cli: Cli, checkpoint: Path) -> None:
     done = cli("body", checkpoint, "--friction", 0.5)
     assert done.err_lines == [
