@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from contact_curation.pipeline.recordings.poses import write_poses
     from contact_curation.pipeline.toss_scores import TossScores
     from contact_curation.pipeline.tosses import Tosses
+    from contact_curation.storage.body_file import write_body
 
 __all__ = [
     "Body",
@@ -43,6 +44,7 @@ __all__ = [
     "read",
     "score",
     "train",
+    "write_body",
     "write_poses",
 ]
 
@@ -57,6 +59,7 @@ _HOMES = {
     "Evaluation": "pipeline.evaluated",
     "DesignedThrows": "pipeline.design",
     "load_model": "pipeline.learned_model",
+    "write_body": "storage.body_file",
     "write_poses": "pipeline.recordings.poses",
     **dict.fromkeys(("read", "check", "score", "rank", "train", "evaluate"), "pipeline.api"),
 }

@@ -130,12 +130,20 @@ def read_description(path: Path, options: BodyOptions = AS_IN_THE_FILE) -> BodyD
     """
     try:
         found = _found(path, options)
-        check_values(found._asdict())
-        return found._replace(warnings=(*found.warnings, *implausible(_numbers_of(found))))
     except UnreadableInputError:
         raise
     except ContactCurationError as error:
         raise UnreadableInputError(path, str(error)) from error
+    return checked(found)
+
+
+def checked(found: BodyDescription) -> BodyDescription:
+    """The description with a warning for each unusual value; UnreadableInputError for a value that no body has."""
+    try:
+        check_values(found._asdict())
+        return found._replace(warnings=(*found.warnings, *implausible(_numbers_of(found))))
+    except ContactCurationError as error:
+        raise UnreadableInputError(found.source, str(error)) from error
 
 
 def _found(path: Path, options: BodyOptions) -> BodyDescription:

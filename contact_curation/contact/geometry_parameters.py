@@ -83,6 +83,14 @@ class ContactGeometry:
         return not np.array_equal(self.vertices_normal, self.vertices_tangent)
 
     @property
+    def friction(self) -> float:
+        """The friction coefficient: the geometric mean where directions differ.
+
+        A contact pushes with n l_n + T^T l_t, |l_t| <= l_n, so that friction is |T| / |n|.
+        """
+        return float(np.sqrt(np.linalg.svd(self.tangents, compute_uv=False).prod()) / np.linalg.norm(self.normal))
+
+    @property
     def is_rigid(self) -> bool:
         """Whether it is a theta of the rigid form, whose spin precesses in the air as that of a rigid body (method.md 1.2)."""
         return self.noise is not None

@@ -100,17 +100,31 @@ def checked_corners(vertices: Array) -> Array:
     Raises:
         InvalidValueError: one of them lies in the hull of the others; or as `Polytope`.
     """
+    vertices = Polytope(vertices).vertices
+    if (place := _place_within(vertices)) is not None:
+        found = f"vertex {place} at {vertices[place].tolist()} within the hull of the others"
+        raise InvalidValueError("vertices", found, "corners of a convex body, each once")
+    return vertices
+
+
+def corners_of(vertices: Array) -> Array:
+    """Those of the vertices (V, 3), in their order, that are corners of their hull, as `checked_corners` wants them."""
+    while (place := _place_within(vertices)) is not None:
+        vertices = np.delete(vertices, place, axis=0)
+    return vertices
+
+
+def _place_within(vertices: Array) -> int | None:
+    """The first of the vertices that lies in the hull of the others; None where all are corners."""
     from scipy.spatial import ConvexHull  # takes a quarter of a second to import
 
-    vertices = Polytope(vertices).vertices
     whole = ConvexHull(vertices).volume
-    for place, vertex in enumerate(vertices):
+    for place in range(len(vertices)):
         others = np.delete(vertices, place, axis=0)
         flat = len(others) < 4 or np.linalg.matrix_rank(others - others.mean(axis=0), tol=1e-9 * np.ptp(vertices)) < 3
         if not flat and ConvexHull(others).volume > (1.0 - SMALLEST_CORNER) * whole:
-            found = f"vertex {place} at {vertex.tolist()} within the hull of the others"
-            raise InvalidValueError("vertices", found, "corners of a convex body, each once")
-    return vertices
+            return place
+    return None
 
 
 def box(half_extents: ArrayLike) -> Polytope:

@@ -1,6 +1,6 @@
 """A model and the record of its training, from a training, a checkpoint, or a polytope's JSON file."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -69,6 +69,24 @@ class LearnedModel:
     def shape(self) -> float | None:
         """`shape_known_to` in the body's characteristic lengths."""
         return None if self.shape_known_to is None else self.shape_known_to / self.body.length_scale
+
+    @property
+    def restitution(self) -> float | None:
+        """What a polytope learned of its bounces; None where it learned nothing of them."""
+        geometry = self.model.geometry()
+        return None if geometry is None else geometry.restitution
+
+    def learned_body(self) -> Body:
+        """The body with the vertices and the friction that a polytope learned; all else is as described.
+
+        Raises:
+            InvalidValueError: the model is a network, whose weights have no vertices.
+        """
+        geometry = self.model.geometry()
+        if geometry is None:
+            raise InvalidValueError(self.name, f"a network ({self.kind}), which has no vertices", "a polytope for its shape")
+        vertices = self.body.length_scale * geometry.vertices_normal
+        return replace(self.body, vertices=vertices, friction=geometry.friction)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the checkpoint, whole or not at all, as a .safetensors file.

@@ -1,8 +1,9 @@
 """Rules for all outputs: a file is replaced only if it can be made again, and a service call writes in one folder only.
 
-What this program makes of recordings can be made again: manifests, scores, figures, throws, metrics, dashboards. Each of these
-files contains a mark of its kind; that of a CSV manifest is its digest in the file beside it, so that one that was edited is
-known. Replacing a recording, a checkpoint or another file is refused; commands have `--overwrite`.
+What this program makes can be made again: manifests, scores, figures, throws, metrics, dashboards, objects for simulators. Each
+of these files contains a mark of its kind. Tables of CSV have their digest in the file beside them, and objects have it in the
+last line, so that an edited one is known. Replacing a recording, a checkpoint or another file is refused; commands have
+`--overwrite`.
 """
 
 import os
@@ -25,6 +26,13 @@ MARKS = {
 }
 """Marks near the beginning or the end of files that this program made, by their file name ending."""
 
+COMMENTS = {".xml": "<!-- {} -->", ".urdf": "<!-- {} -->", ".yaml": "# {}", ".obj": "# {}"}
+"""How files of an object have a comment, by their file name ending."""
+
+SEAL = "made by contact_curation; sha256 of the lines above: "
+LARGEST_SEALED = 1 << 20
+"""[bytes] Far more than an object takes."""
+
 EDGE = 1 << 16
 """Number of bytes at the beginning and at the end of a file that are searched for its mark."""
 
@@ -44,7 +52,19 @@ def check_replaceable(name: str, path: Path, remedy: str) -> None:
         raise InvalidValueError(name, f"a file at {path}", remedy)
 
 
+def sealed(lines: bytes, ending: str) -> bytes:
+    """The lines of an object's file, and a comment with their digest, by which `check_replaceable` knows them unedited."""
+    return lines + COMMENTS[ending].format(SEAL + sha256(lines).hexdigest()).encode() + b"\n"
+
+
+def _is_sealed(path: Path) -> bool:
+    data = path.read_bytes() if path.stat().st_size <= LARGEST_SEALED else b""
+    return data == sealed(b"".join(data.splitlines(keepends=True)[:-1]), path.suffix)
+
+
 def _is_made_again(path: Path) -> bool:
+    if path.suffix in COMMENTS:
+        return _is_sealed(path)
     beside = path.with_suffix(PROVENANCE)
     if path.suffix == CSV and beside.is_file():
         return sha256(path.read_bytes()).hexdigest().encode() in beside.read_bytes()

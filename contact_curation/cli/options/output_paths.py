@@ -15,7 +15,7 @@ def add_overwrite_option(group: argparse._ActionsContainer) -> None:
     group.add_argument(
         "--overwrite",
         action="store_true",
-        help="replace any file that is there (without it only an earlier manifest, figure, score or throws file)",
+        help="replace any file that is there (without it only an earlier manifest, figure, score, throws or object file)",
     )
 
 

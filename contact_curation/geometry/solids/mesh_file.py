@@ -77,15 +77,38 @@ def read_mesh(path: Path, scale: Array) -> Mesh:
     points = points.reshape(-1, 3) * scale
     if not len(points) or not len(loaded.faces):
         raise UnreadableInputError(path, "found no triangles, expected a mesh")
-    if not np.isfinite(points).all() or float(np.abs(points).max()) > FARTHEST:
-        raise UnreadableInputError(path, "found coordinates that are no lengths, expected metres, or a scale to make them so")
-    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=FLAT * float(np.ptp(points))) < 3:
-        raise UnreadableInputError(path, "found all points in one plane, expected a mesh with volume")
+    _check_points(path, points)
     loaded.vertices = points
     loaded.merge_vertices()
     if scale.prod() < 0.0:
         loaded.invert()
     return _enclosed(path, loaded)
+
+
+def mesh_of_hull(path: Path, points: Array) -> Mesh:
+    """The body that the convex hull of points (N, 3) encloses.
+
+    Args:
+        path: of the file that lists them, for the message.
+        points: in metres.
+
+    Raises:
+        UnreadableInputError: their hull encloses nothing.
+    """
+    from scipy.spatial import QhullError  # takes a quarter of a second to import
+
+    _check_points(path, points)
+    try:
+        return Mesh(Solid(points, of_hull(points)), ())
+    except QhullError as error:  # thinner than its rounding allows
+        raise UnreadableInputError(path, "found almost all points in one plane, expected a mesh with volume") from error
+
+
+def _check_points(path: Path, points: Array) -> None:
+    if not np.isfinite(points).all() or float(np.abs(points).max()) > FARTHEST:
+        raise UnreadableInputError(path, "found coordinates that are no lengths, expected metres, or a scale to make them so")
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=FLAT * float(np.ptp(points))) < 3:
+        raise UnreadableInputError(path, "found all points in one plane, expected a mesh with volume")
 
 
 def refuse_foreign(path: Path) -> None:

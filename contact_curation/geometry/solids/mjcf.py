@@ -17,7 +17,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids import shapes
 from contact_curation.geometry.solids.link import Link, chosen_name
 from contact_curation.geometry.solids.mass_properties import MassProperties, combined
-from contact_curation.geometry.solids.mesh_file import Mesh, read_mesh
+from contact_curation.geometry.solids.mesh_file import Mesh, mesh_of_hull, read_mesh
 from contact_curation.geometry.solids.mjcf_tree import Pose, placed, with_included, with_replicas
 from contact_curation.geometry.solids.shapes import Solid, union
 from contact_curation.geometry.solids.urdf import turn_about
@@ -121,15 +121,18 @@ class _Model:
             UnreadableInputError: there is no such mesh, or it has no file, or it is posed in a way that is not understood.
         """
         asset = self.meshes.get(name)
-        if asset is None or asset.get("file") is None:
-            what = f"no mesh {name} among the assets" if asset is None else f"mesh {name} without a file"
-            raise UnreadableInputError(self.path, f"found {what}, expected <mesh name={name!r} file=...>")
+        if asset is None or not {"file", "vertex"} & set(asset.attrib) or "face" in asset.attrib:
+            what = f"no mesh {name} among the assets" if asset is None else f"mesh {name} with faces or without a file"
+            raise UnreadableInputError(self.path, f"found {what}, expected <mesh name={name!r} file=...> or vertex=...")
         told = self.with_defaults(asset, MAIN)
         if "refpos" in told.attrib or "refquat" in told.attrib:
             raise UnreadableInputError(self.path, f"mesh {name}: found refpos or refquat, which is not understood: {REMEDY}")
+        scale = numbers(self.path, told, "scale", 3, (1.0, 1.0, 1.0))
+        if "vertex" in told.attrib:
+            count = max(4, len(told.get("vertex", "").split()) // 3)
+            return mesh_of_hull(self.path, numbers(self.path, told, "vertex", 3 * count).reshape(-1, 3) * scale)
         folder = self.options.get("meshdir", self.options.get("assetdir", ""))
-        file = referenced(self.path, told.get("file", ""), folder)
-        return read_mesh(file, numbers(self.path, told, "scale", 3, (1.0, 1.0, 1.0)))
+        return read_mesh(referenced(self.path, told.get("file", ""), folder), scale)
 
 
 def read_mjcf(path: Path, body: str | None = None) -> Link:

@@ -42,10 +42,8 @@ def shape_errors(model: Model) -> ShapeErrors | None:
         return None
     off = float(np.sqrt(np.square(matched_distances(geometry.vertices_normal, body.scaled_vertices)).mean()))
     hull = hull_distance(geometry.vertices_normal, body.scaled_vertices)
-    # A contact pushes with n l_n + T^T l_t, |l_t| <= l_n: friction is |T| / |n|, the geometric mean where directions differ.
-    friction = float(np.sqrt(np.linalg.svd(geometry.tangents, compute_uv=False).prod()) / np.linalg.norm(geometry.normal))
     in_mm = 1e3 * body.length_scale
-    return ShapeErrors(off, in_mm * off, in_mm * hull, friction, friction - body.friction)
+    return ShapeErrors(off, in_mm * off, in_mm * hull, geometry.friction, geometry.friction - body.friction)
 
 
 def matched_distances(vertices: Array, others: Array) -> Array:
