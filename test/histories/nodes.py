@@ -143,7 +143,7 @@ class Goals:
 
 
 class _NoTosses:
-    def errors(self, model: Any) -> held_out_tosses.HeldOutErrors:
+    def errors(self, model: Any, loss: Any) -> held_out_tosses.HeldOutErrors:
         return held_out_tosses.HeldOutErrors(0.0, 0.0, 0.0, 0)
 
 

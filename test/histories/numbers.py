@@ -18,6 +18,7 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
 from contact_curation.design.designer import Realised
 from contact_curation.design.throw import Throw
 from contact_curation.information.curation import Curation, curate
@@ -136,12 +137,14 @@ class Script:
         steps: of a round.
         form: of the parameters, which nobody asks for.
         restitution: whether one is learned.
+        loss: that it minimises, which nothing computes.
     """
 
     exact: bool
     steps: int = 2
     form: str = ""
     restitution: bool = False
+    loss: LossConfig = DEFAULT_LOSS
 
 
 @dataclass(frozen=True)
