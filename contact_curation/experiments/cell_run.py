@@ -46,9 +46,9 @@ ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """Cells run side by side."""
 
 PUBLISHED_LOSS = replace(ONE_THREAD, balanced=False)
-"""That of designed throws: their stored results were made with the published weights."""
+"""That of `counterfactuals`, `against-sysid` and `designed-throws`: their results were stored with the published weights."""
 
-FIT = HeldFitConfig(loss=ONE_THREAD)
+FIT, PUBLISHED_FIT = HeldFitConfig(loss=ONE_THREAD), HeldFitConfig(loss=PUBLISHED_LOSS)
 
 JUDGES = 1.0 / 3.0
 """Share of the tosses that judges, where a seed divides them."""
