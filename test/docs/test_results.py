@@ -575,7 +575,7 @@ def test_errors_of_8_selected_tosses_are_larger_than_those_of_all_as_the_page_sa
                 for kind in ("position", "rotation")]  # fmt: skip
 
     def mean_of(body: str, rule: str, measure: str) -> float:
-        own = (row for row in rows(BY_COUNTERFACTUALS[0]) if (row["body"], row["rule"]) == (body, rule))
+        own = (row for row in rows(AT_FIT[0]) if (row["body"], row["rule"], row["size"]) == (body, rule, "8"))
         return float(np.mean([float(row[measure]) for row in own]))
 
     simulated = [excess(body, "mujoco") for body in ("slab", "wedge", "irregular", "square")]
