@@ -28,7 +28,7 @@ import torch
 
 from benchmarks._data import contactnets_folder, training_and_held_out
 from benchmarks._saved_rows import Row, SavedRows
-from contact_curation.contact.body import CONTACTNETS_CUBE, Body
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.impulse_noise import ImpulseNoise
@@ -155,13 +155,13 @@ def judged(model: PolytopeModel, bench: Bench, by_mujoco: bool) -> Row:
     if model.has_own_friction_vertices:
         shared = predicted_motions(model.with_shared_vertices(), bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors
         row |= {f"shared_{name}": float(getattr(shared, name)[shared.finite].mean()) for name in MEASURES[:2]}
-    return row | (in_mujoco(model, found.shape.friction, bench) if by_mujoco else {})
+    return row | (in_mujoco(model, bench) if by_mujoco else {})
 
 
-def in_mujoco(model: PolytopeModel, friction: float, bench: Bench) -> Row:
+def in_mujoco(model: PolytopeModel, bench: Bench) -> Row:
     """The errors of MuJoCo's motions of the hull of the learned vertices."""
     scale = bench.body.length_scale
-    body: Body = replace(bench.body, vertices=scale * model.geometry().vertices_normal, friction=friction)
+    body = model.geometry().as_body(bench.body)
     measured = [states_of(toss, 1.0) for toss in bench.held_out]
     moved = [
         free_motion(body, each[0], len(each), toss.frame_period) for each, toss in zip(measured, bench.held_out, strict=True)

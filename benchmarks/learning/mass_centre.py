@@ -68,8 +68,7 @@ def errors_of(model: PolytopeModel, bench: Bench, centre: Array) -> Row:
     """Errors of both engines (K,) at the origin that is seen from the centre of mass at -centre, and those of the shape."""
     ours = predicted_motions(model, bench.held_out, CONFIG)
     geometry, scale = model.geometry(), bench.body.length_scale
-    friction = float(np.linalg.norm(geometry.tangents[0]))
-    moving = replace(bench.body, vertices=scale * geometry.vertices_normal, friction=friction)
+    moving = geometry.as_body(bench.body)
     units = np.array([scale] * 3 + [1.0] * 4 + [scale] * 3 + [1.0] * 3)
     tosses = [(toss, states_of(toss, 1.0)) for toss in bench.held_out]
     theirs = [free_motion(moving, seen[0], len(seen), toss.frame_period) / units for toss, seen in tosses]
@@ -82,7 +81,7 @@ def errors_of(model: PolytopeModel, bench: Bench, centre: Array) -> Row:
         found = motion_errors(at_origin(states, centre / scale), at_origin(seen, centre / scale), starts, bench.body)
         row[f"{engine}position"], row[f"{engine}rotation"] = found.position.tolist(), found.rotation.tolist()
     off = matched_distances(geometry.vertices_normal, bench.body.scaled_vertices)
-    return {**row, "vertices_mm": 1e3 * scale * float(np.sqrt(np.mean(off**2))), "friction": friction}
+    return {**row, "vertices_mm": 1e3 * scale * float(np.sqrt(np.mean(off**2))), "friction": moving.friction}
 
 
 def at_origin(states: Array, centre: Array) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from contact_curation.contact.body import Body
 from contact_curation.contact.body_values import STANDARD_GRAVITY
 from contact_curation.geometry.polytopes import corners_of
-from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.solids.mesh_file import obj_of_hull
 
 MESH = ".obj"
 """Ending of the mesh beside a URDF."""
@@ -85,7 +85,7 @@ def _urdf(body: Body, stem: str, notes: Sequence[str]) -> dict[str, str]:
     gazebo = SubElement(root, "gazebo", reference=body.name)
     for direction in ("mu1", "mu2"):
         SubElement(gazebo, direction).text = _text(body.friction)
-    return {MESH: _obj(body.tracked_polytope.vertices), ".urdf": _xml(root, notes)}
+    return {MESH: obj_of_hull(body.tracked_polytope.vertices), ".urdf": _xml(root, notes)}
 
 
 def _yaml(body: Body, stem: str, notes: Sequence[str]) -> dict[str, str]:
@@ -130,14 +130,3 @@ def _xml(root: Element, notes: Sequence[str]) -> str:
         root.insert(place, Comment(f" {line} "))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _obj(points: Array) -> str:
-    """The hull of points (N, 3) as triangles that run anticlockwise, seen from outside."""
-    from scipy.spatial import ConvexHull  # takes a quarter of a second to import
-
-    triangles = ConvexHull(points).simplices
-    outwards = np.linalg.det(points[triangles] - points.mean(axis=0)) > 0.0
-    faces = 1 + np.where(outwards[:, np.newaxis], triangles, triangles[:, ::-1])
-    lines = [f"v {_text(point)}" for point in points] + ["f " + " ".join(map(str, face)) for face in faces]
-    return "\n".join(lines) + "\n"

@@ -90,6 +90,10 @@ class ContactGeometry:
         """
         return float(np.sqrt(np.linalg.svd(self.tangents, compute_uv=False).prod()) / np.linalg.norm(self.normal))
 
+    def as_body(self, described: Body) -> Body:
+        """A body with these vertices and this friction; all else is as described."""
+        return replace(described, vertices=described.length_scale * self.vertices_normal, friction=self.friction)
+
     @property
     def is_rigid(self) -> bool:
         """Whether it is a theta of the rigid form, whose spin precesses in the air as that of a rigid body (method.md 1.2)."""

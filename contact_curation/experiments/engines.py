@@ -30,19 +30,19 @@ def judged_by_engines(model: PolytopeModel, bench: Bench, contact: tuple[float, 
     assert shape is not None  # of a polytope
     ours = predicted_motions(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors
     row: Row = {"vertices": shape.vertex_rms_mm, "friction": shape.friction}
-    for judge, errors in zip(JUDGES, (ours, _in_mujoco(model, shape.friction, bench, contact)), strict=True):
+    for judge, errors in zip(JUDGES, (ours, _in_mujoco(model, bench, contact)), strict=True):
         for name in ("position", "rotation"):
             row[f"{judge}_{name}"] = " ".join(f"{value:.5g}" for value in getattr(errors, name))
     return row
 
 
-def _in_mujoco(model: PolytopeModel, friction: float, bench: Bench, contact: tuple[float, float] | None) -> MotionErrors:
+def _in_mujoco(model: PolytopeModel, bench: Bench, contact: tuple[float, float] | None) -> MotionErrors:
     """The errors of MuJoCo's motions of the hull of the learned vertices."""
     from contact_curation.simulation.world import DEFAULT_WORLD, free_motion  # MuJoCo takes a second to import
 
     scale = bench.body.length_scale
     world = replace(DEFAULT_WORLD, contact_time=contact[0], damping_ratio=contact[1]) if contact else DEFAULT_WORLD
-    body = replace(bench.body, vertices=scale * model.geometry().vertices_normal, friction=friction)
+    body = model.geometry().as_body(bench.body)
     measured = [states_of(toss, 1.0) for toss in bench.held_out]
     moved = [free_motion(body, each[0], len(each), toss.frame_period, world) for each, toss in zip(measured, bench.held_out)]
     starts = np.concatenate([[0], np.cumsum([len(each) for each in measured])])

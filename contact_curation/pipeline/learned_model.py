@@ -1,6 +1,6 @@
 """A model and the record of its training, from a training, a checkpoint, or a polytope's JSON file."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 
@@ -85,8 +85,7 @@ class LearnedModel:
         geometry = self.model.geometry()
         if geometry is None:
             raise InvalidValueError(self.name, f"a network ({self.kind}), which has no vertices", "a polytope for its shape")
-        vertices = self.body.length_scale * geometry.vertices_normal
-        return replace(self.body, vertices=vertices, friction=geometry.friction)
+        return geometry.as_body(self.body)
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the checkpoint, whole or not at all, as a .safetensors file.

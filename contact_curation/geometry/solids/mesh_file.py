@@ -39,6 +39,9 @@ STL_HEAD, STL_TRIANGLE = 84, 50
 FARTHEST = 1e6
 """[m] of a coordinate; a body whose unit is off is found by its mass later."""
 
+DIGITS = 17
+"""Of a coordinate [m] that is written, behind the point."""
+
 FLAT = 1e-6
 """Share of its size: a mesh that is thinner has no volume."""
 
@@ -102,6 +105,16 @@ def mesh_of_hull(path: Path, points: Array) -> Mesh:
         return Mesh(Solid(points, of_hull(points)), ())
     except QhullError as error:  # thinner than its rounding allows
         raise UnreadableInputError(path, "found almost all points in one plane, expected a mesh with volume") from error
+
+
+def obj_of_hull(points: Array) -> str:
+    """The convex hull of points (N, 3) as the text of an OBJ file, with all digits."""
+    from trimesh.convex import convex_hull  # takes half a second to import
+    from trimesh.exchange.obj import export_obj
+
+    options = {"include_normals": False, "include_texture": False, "digits": DIGITS, "header": None}
+    text: str = export_obj(convex_hull(points), **options)  # type: ignore[no-untyped-call]
+    return text + "\n"
 
 
 def _check_points(path: Path, points: Array) -> None:

@@ -137,9 +137,8 @@ def config_of(document: dict[str, Any]) -> TrainingConfig:
 
 
 def _loss_of(document: dict[str, Any]) -> LossConfig:
-    return LossConfig(
-        **{"balanced": False, **document, "cone": Cone(document["cone"])}
-    )  # earlier versions had the published one
+    """The loss as stored; earlier versions stored no `balanced`, and had the published one."""
+    return LossConfig(**{"balanced": False, **document, "cone": Cone(document["cone"])})
 
 
 def _memory_document(memory: TrainingMemory) -> dict[str, Any]:

@@ -37,7 +37,7 @@ FEWEST, MOST = 4, 32
 """Tosses that an estimate needs, and as many as it takes at most, evenly out of all."""
 
 NOTEWORTHY = 0.05
-"""A restitution that is worth a word: the real cube's is 0.13, and lowers position errors by a tenth (docs/results.md)."""
+"""A restitution that is worth a word: the real cube's is 0.26, and lowers position errors by a tenth (docs/results.md)."""
 
 CERTAIN = 2.0
 """Standard errors by which first impacts show a restitution."""
