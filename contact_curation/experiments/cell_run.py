@@ -46,7 +46,7 @@ ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """Cells run side by side."""
 
 PUBLISHED_LOSS = replace(ONE_THREAD, balanced=False)
-"""That of `counterfactuals`, `against-sysid` and `designed-throws`: their results were stored with the published weights."""
+"""That of `counterfactuals` and `against-sysid`: their results were stored with the published weights."""
 
 FIT, PUBLISHED_FIT = HeldFitConfig(loss=ONE_THREAD), HeldFitConfig(loss=PUBLISHED_LOSS)
 

@@ -23,7 +23,7 @@ from contact_curation.design.releases import ReleasePrior, fitted_prior, raw_pri
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Protocol
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS, Bench, Row, motion_row
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row, motion_row
 from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.experiments.thrown.cell import DESIGNED, FIRM, RANDOM, RAW, WORLDS, ThrowsCell
 from contact_curation.experiments.thrown.choice import Choice, Chooser, DesignedThrows, ExplorationThrows, RandomThrows
@@ -38,7 +38,7 @@ from contact_curation.simulation.arm.rig import ArmRig
 from contact_curation.simulation.thrown_toss import ThrownTossConfig, thrown_toss
 from contact_curation.simulation.world import DEFAULT_WORLD, WorldConfig
 
-DEFAULT_DESIGN = DesignerConfig(loss=PUBLISHED_LOSS)
+DEFAULT_DESIGN = DesignerConfig(loss=ONE_THREAD)
 
 FIRST_ROUND = 2
 """Tosses of the first round, as the trainer's."""
@@ -165,7 +165,7 @@ class _Judge:
     def row(self, model: PolytopeModel, number: int) -> Row:
         """After so many throws."""
         row = judged(model, self.bench)
-        there = predicted_motions(model, self._motions, EvaluationConfig(loss=PUBLISHED_LOSS)).errors
+        there = predicted_motions(model, self._motions, EvaluationConfig(loss=ONE_THREAD)).errors
         row |= {f"world_{name}": value for name, value in motion_row(there).items()}
         if number in LANDED:
             row["landed"] = successes(model.geometry(), self._thrower, TASKS, self.cell.seed)
@@ -192,7 +192,7 @@ class _Judge:
 
 def judged(model: PolytopeModel, bench: Bench) -> Row:
     """Means and medians over held-out tosses, and how far shape and friction are from the body that was thrown."""
-    row = motion_row(predicted_motions(model, bench.held_out, EvaluationConfig(loss=PUBLISHED_LOSS)).errors)
+    row = motion_row(predicted_motions(model, bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors)
     shape = shape_errors(model)
     assert shape is not None
     off = abs(shape.friction_error)
@@ -204,7 +204,7 @@ def _learner(cell: ThrowsCell, bench: Bench) -> RoundsLearner:
     exactly = cell.protocol == Protocol.EXACT
     config = replace(exact(ROUND_TRIMMED), restitution=cell.restitution) if exactly else budgeted(DEFAULT_MODEL)
     start = origin_of(bench, cell.seed, False) if exactly else bench.initial_polytope(cell.seed)
-    return RoundsLearner(start, replace(config, loss=PUBLISHED_LOSS), max(cell.steps, 1), cell.seed)
+    return RoundsLearner(start, replace(config, loss=ONE_THREAD), max(cell.steps, 1), cell.seed)
 
 
 def _chooser(cell: ThrowsCell, rig: ArmRig, config: DesignerConfig, releases: Array, geometry: ContactGeometry) -> Chooser:
