@@ -34,7 +34,7 @@ class Ledger:
         first, *others = (_document(line, path) for line in lines)
         for name, value in identity.items():
             if first.get(name) != value:
-                raise InvalidValueError(f"{name} of {path}", first.get(name), f"{value}, or another --out")
+                raise InvalidValueError(f"{name} of {path}", first.get(name, "none"), f"{value}, or another --out")
         for document in others:
             if not {"key", "rows"} <= document.keys():
                 raise UnreadableInputError(path, "a line has no key and rows, expected the file that `reproduce` wrote")

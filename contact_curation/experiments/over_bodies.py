@@ -11,10 +11,9 @@ from contact_curation.cli.report import warn
 from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.ledger import Ledger
-from contact_curation.experiments.run import make_folder, report_run, rows_of, run_cells
+from contact_curation.experiments.run import identity_of, make_folder, report_run, rows_of, run_cells
 from contact_curation.experiments.tables import csv_of
 from contact_curation.files import write_atomically
-from contact_curation.version import __version__
 
 type Tables = Callable[[list[Row]], Mapping[str, Sequence[Row] | str]]
 """From an experiment's rows to the tables and pages that it writes, by the names of their files."""
@@ -37,7 +36,7 @@ def run_over_bodies[Cell: Planned](
     torch.set_num_threads(1)
     began = time.monotonic()
     make_folder(arguments.out)
-    ledger = Ledger(arguments.out / "cells.jsonl", {"experiment": arguments.experiment, "package version": __version__})
+    ledger = Ledger(arguments.out / "cells.jsonl", identity_of(arguments.experiment))
     left = sum(cell.key not in ledger for cell in cells)
     failed = run_cells(cells, partial(_rows, row_of=row_of), ledger, arguments.jobs)
     failed = [one._replace(error=f"{one.cell.fields['body']}: {one.error}") for one in failed]

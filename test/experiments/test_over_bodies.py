@@ -11,6 +11,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.over_bodies import run_over_bodies
+from contact_curation.version import __version__
 
 
 @dataclass(frozen=True)
@@ -48,3 +49,12 @@ def test_without_any_row_the_first_fault_is_the_error(tmp_path: Path) -> None:
     arguments = Namespace(out=tmp_path, experiment="criteria", jobs=1, json=True)
     with pytest.raises(InvalidValueError, match=r"^finished cells: found none, expected at least one \(cube: CONTACTNETS_DATA"):
         run_over_bodies(arguments, CELLS[:2], row_of, lambda rows: {"rows.csv": rows})
+
+
+def test_cells_of_another_loss_are_not_taken_into_the_same_table(tmp_path: Path) -> None:
+    arguments = Namespace(out=tmp_path, experiment="criteria", jobs=1, json=True)
+    before = json.dumps({"experiment": "criteria", "package version": __version__}) + "\n"
+    (tmp_path / "cells.jsonl").write_text(before)
+    with pytest.raises(InvalidValueError, match=r"^loss of .*cells\.jsonl: found none, .* balanced=true.*, or another --out"):
+        run_over_bodies(arguments, CELLS, row_of, lambda rows: {"rows.csv": rows})
+    assert (tmp_path / "cells.jsonl").read_text() == before

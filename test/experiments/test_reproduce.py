@@ -111,6 +111,9 @@ def test_ways_of_choosing_throws_are_compared_throw_by_throw(cli: Cli, more: Pat
     assert float(own["raw", "position"]["minus random"]) == pytest.approx(errors[1] - errors[0])
     assert (tmp_path / "whole" / "figure.png").read_bytes().startswith(b"\x89PNG")
     lines = (tmp_path / "whole" / "cells.jsonl").read_text().splitlines(keepends=True)
+    (tmp_path / "before").mkdir()
+    (tmp_path / "before" / "cells.jsonl").write_text(lines[0].replace("balanced=true", "balanced=false") + lines[1])
+    assert "loss of " in cli(*words, tmp_path / "before").err  # cells of both losses in one table would be wrong
     (tmp_path / "torn").mkdir()
     (tmp_path / "torn" / "cells.jsonl").write_text(lines[0] + lines[2] + lines[1][:40])
     report = cli(*words, tmp_path / "torn", "--json").json
