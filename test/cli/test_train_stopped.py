@@ -124,7 +124,7 @@ def test_a_checkpoint_is_neither_overwritten_nor_taken_for_another_training(cli:
     refused = {
         (): "--out: found a file at",
         ("--resume", "--seed", "1"): "seed of the training to go on with: found 1, expected 0",
-        ("--resume", "--steps", "13"): "protocol of the training to go on with: found steps 13, expected steps 12",
+        ("--resume", "--steps", "13"): "found training.steps=13, expected training.steps=12 as in",
         ("--resume", "--held-out", "6"): "tosses of the training to go on with: found 6 tosses",
         ("--resume", "--model", "deep"): "model of the training to go on with: found deep, expected polytope",
         ("--resume", "--top", "2"): "selection of the training to go on with:",

@@ -4,7 +4,7 @@ A checkpoint says which plan it belongs to, and goes on with no other.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from hashlib import sha256
@@ -19,7 +19,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.scoring import ScoringConfig
-from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, document_of, training_of_bytes
+from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, config_of, document_of, training_of_bytes
 from contact_curation.learning.checkpoints.selection_document import document_of_selections, selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, notes_of_bytes
 from contact_curation.learning.fits.exact_fit import theta_0
@@ -33,6 +33,9 @@ from contact_curation.motion.transitions import Transitions, transitions_of
 
 SELECTIONS = "selections"
 """The note that says what was selected."""
+
+PROTOCOL, STAGE = "protocol", "training"
+"""The note with the protocol's settings, and what stands before their names in `--set`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,12 +77,10 @@ class TrainingPlan:
     @cached_property
     def identity(self) -> dict[str, str]:
         """What must be the same to go on, by name, in words for people; the values of a digest stand for the numbers."""
-        body = {name: np.asarray(getattr(self.body, name)).tolist() for name in self.body.__dataclass_fields__}
         selection = None if self.selection is None else {**asdict(self.selection), "scoring": asdict(self.scoring)}
         return {
             "model": self.kind,
-            "body": f"{self.body.name}, digest {_digest(body)}",
-            "protocol": json.dumps(document_of(self.protocol), sort_keys=True),
+            PROTOCOL: json.dumps(document_of(self.protocol), sort_keys=True),
             "seed": str(self.seed),
             "tosses": _described(self.tosses),
             "held-out tosses": _described(self.held_out),
@@ -165,22 +166,39 @@ def _check_identity(expected: Mapping[str, str], notes: Mapping[str, str], sourc
     for name, value in expected.items():
         if name not in notes:
             raise UnreadableInputError(source, f"says not which {name} it belongs to, expected a checkpoint of `train`")
-        if notes[name] != value:
-            found, wanted = _difference(value, notes[name])
-            raise InvalidValueError(f"{name} of the training to go on with", found, f"{wanted} as in {source}")
+        path, stored = (STAGE, _protocol_of(notes[name], source)) if name == PROTOCOL else ("", notes[name])
+        differences = list(_differences(value, stored, path))
+        if differences:
+            found, wanted = (" ".join(texts) for texts in zip(*differences, strict=True))
+            how = ": add " + " ".join(f"--set {text}" for _, text in differences) if path else ""
+            raise InvalidValueError(f"{name} of the training to go on with", found, f"{wanted} as in {source}{how}")
 
 
-def _difference(found: str, expected: str) -> tuple[str, str]:
-    """Two texts; of JSON objects only the first field that differs."""
+def _protocol_of(text: str, source: Path | str) -> str:
+    """A protocol as stored, with settings that the version did not have that stored it as they were without them."""
     try:
-        one, other = json.loads(found), json.loads(expected)
+        return json.dumps(document_of(config_of(json.loads(text))))
+    except MALFORMED as error:
+        raise UnreadableInputError(source, f"holds no protocol ({type(error).__name__}: {error})") from error
+
+
+def _differences(own: str, stored: str, path: str) -> Iterator[tuple[str, str]]:
+    """Two texts that differ; of JSON objects each setting that both have, as `--set` takes it."""
+    try:
+        one, other = json.loads(own), json.loads(stored)
     except ValueError:
-        return found, expected
-    if not (isinstance(one, dict) and isinstance(other, dict)):
-        return found, expected
-    name = next(name for name in sorted({*one, *other}) if one.get(name) != other.get(name))
-    inner = _difference(json.dumps(one.get(name)), json.dumps(other.get(name)))
-    return f"{name} {inner[0]}", f"{name} {inner[1]}"
+        one, other = own, stored
+    if isinstance(one, dict) and isinstance(other, dict):
+        for name in sorted(one.keys() & other.keys()):
+            inner = f"{path}.{name}" if path else name
+            yield from _differences(json.dumps(one[name]), json.dumps(other[name]), inner)
+    elif one != other:
+        start = f"{path}=" if path else ""
+        yield start + _in_words(one), start + _in_words(other)
+
+
+def _in_words(value: Any) -> str:
+    return "none" if value is None else value if isinstance(value, str) else json.dumps(value)
 
 
 def _described(tosses: Sequence[Toss]) -> str:

@@ -1,5 +1,6 @@
 """A plan decides a training bit for bit: stopped and resumed, or cut into other calls, it ends in the same numbers."""
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -14,7 +15,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes
-from contact_curation.learning.checkpoints.safetensors_bytes import unpack
+from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.checkpoints.selection_document import document_of_selections, selections_of
 from contact_curation.learning.training.plan import TrainingPlan, begin, resume, stored
 from contact_curation.learning.training.progress import TrainingState
@@ -129,12 +130,11 @@ def changed(plan: TrainingPlan, name: str) -> TrainingPlan:
 @pytest.mark.parametrize(
     ("name", "line"),
     [
-        ("protocol", "found batch 64, expected batch 128 as in m.safetensors"),
+        ("protocol", "found training.batch=64, expected training.batch=128 as in m.safetensors: add --set training.batch=128"),
         ("seed", "found 5, expected 4 as in m.safetensors"),
         ("tosses", "found 5 tosses, digest"),
         ("held-out tosses", "found 1 tosses, digest"),
-        ("body", "found cube, digest"),
-        ("selection", "found epochs 7, expected epochs 2 as in m.safetensors"),
+        ("selection", "found epochs=7, expected epochs=2 as in m.safetensors"),
         ("start", "found a polytope, digest"),
     ],
 )
@@ -142,6 +142,47 @@ def test_another_plan_is_refused_by_name(plan: TrainingPlan, name: str, line: st
     data = stored(plan, begin(plan))
     with pytest.raises(InvalidValueError, match=f"^{name} of the training to go on with: {line}"):
         resume(changed(plan, name), data, "m.safetensors")
+
+
+def test_another_body_is_refused_by_the_value_that_differs(plan: TrainingPlan) -> None:
+    with pytest.raises(UnreadableInputError, match=r"^m\.safetensors: is for the body 'cube', whose mass differs"):
+        resume(changed(plan, "body"), stored(plan, begin(plan)), "m.safetensors")
+
+
+def as_before_the_balanced_loss(data: bytes) -> bytes:
+    """A checkpoint as it was when there was one loss and one start, and bodies were compared by a digest."""
+    packed = unpack(data, "memory")
+    protocol, selection = (json.loads(packed.documents["notes"][name]) for name in ("protocol", "selection"))
+    for document in (protocol, selection["scoring"], packed.documents["training"]["config"]):
+        document["loss"].pop("balanced")
+    for document in (protocol, packed.documents["training"]["config"]):
+        del document["starts"], document["restitution"], document["shape_known_to"]
+    del selection["staleness"]
+    packed.documents["notes"] |= {
+        "protocol": json.dumps(protocol),
+        "selection": json.dumps(selection),
+        "body": "cube, digest 0",
+    }
+    return pack(packed.arrays, packed.documents)
+
+
+def test_a_training_of_an_earlier_version_goes_on_with_the_settings_that_the_error_names(plan: TrainingPlan) -> None:
+    plan = replace(plan, selection=plan.selection and replace(plan.selection, staleness=None))
+    published_loss = replace(plan.protocol, loss=replace(plan.protocol.loss, balanced=False))
+    before = replace(plan, protocol=published_loss, scoring=replace(plan.scoring, loss=published_loss.loss))
+    curated = begin(before)
+    data = as_before_the_balanced_loss(stored(before, curated))
+    found, stored_as = "training.loss.balanced=true", "training.loss.balanced=false"
+    line = f"found {found}, expected {stored_as} as in m.safetensors: add --set {stored_as}"
+    with pytest.raises(InvalidValueError, match=f"^protocol of the training to go on with: {line}$"):
+        resume(plan, data, "m.safetensors")
+    assert resume(before, data, "m.safetensors").advance(5) == curated.advance(5)
+
+
+def test_notes_of_no_protocol_are_refused(plan: TrainingPlan) -> None:
+    damaged = checkpoint_bytes(begin(plan).training, {**plan.identity, "protocol": '{"batch": 1}'})
+    with pytest.raises(UnreadableInputError, match="holds no protocol"):
+        resume(plan, damaged, "m.safetensors")
 
 
 def test_bytes_of_another_origin_are_refused(plan: TrainingPlan) -> None:
