@@ -101,7 +101,8 @@ class Training:
             training._origin = theta_0(training.model.with_tensors(memory.origin))
         if training._held_out_digest == memory.held_out:
             training.early_stop, training.best_tensors = memory.early_stop, memory.best_tensors
-        if digest_of(training._data) == memory.data:
+        unmerged = len(training._data.dt) < len(memory.order) == len(data.dt)  # an order as earlier versions had it
+        if digest_of(training._data) == memory.data and not unmerged:
             training._batches.restore(memory.order, memory.batches)
         else:
             training._generator.bit_generator.state = memory.batches["generator"]
@@ -197,7 +198,7 @@ class Training:
         self._data = self._described(checked(data))
         bounces = self._origin is not None and self._origin.geometry().restitution is not None
         self._rebound = rebound_of(data, self.model.body) if bounces else None
-        self._batches = Batches(len(data.dt), self.config.batch, self._generator)
+        self._batches = Batches(len(self._data.dt), self.config.batch, self._generator)
         self._single = SingleSteps.of(self.model, self._data, self.config, self.optimizer)
 
     def _described(self, data: Transitions) -> Transitions:

@@ -14,6 +14,7 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.contact.rollout import rollout
 from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
+from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.evaluation.rebounds import Rebound, rebound_of
 from contact_curation.learning.fits.refits import subset
 from contact_curation.learning.training import training as training_module
@@ -94,3 +95,20 @@ def test_only_an_exact_training_in_the_rigid_form_learns_one() -> None:
         replace(budgeted("polytope"), restitution=True)
     with pytest.raises(InvalidValueError, match="restitution"):
         replace(exact(), form=Form.PHYSICAL, restitution=True)
+
+
+def test_gradient_steps_from_a_model_that_bounces_take_impacts_as_one(bounced: Transitions) -> None:
+    geometry = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=E)
+    model = PolytopeModel(geometry, CONTACTNETS_CUBE, Form.RIGID)
+    training = Training(model, bounced, None, replace(budgeted("polytope"), steps=40), 0)
+    assert len(training.data.dt) < len(bounced.dt)
+    assert training.advance(40).epochs > 0
+
+
+def test_a_checkpoint_of_an_earlier_version_with_an_order_of_single_impacts_is_resumed(bounced: Transitions) -> None:
+    training = training_of(bounced)
+    packed = unpack(checkpoint_bytes(training), "here")
+    earlier = pack({**packed.arrays, "order": np.arange(len(bounced.dt))}, packed.documents)
+    resumed = training_of_bytes(earlier, "here", bounced, None, CONTACTNETS_CUBE)
+    assert resumed.progress.reason == training.progress.reason
+    assert restitution(resumed.trained()) == restitution(training.trained())
