@@ -1,7 +1,7 @@
 """The predicted information of a throw, that of its toss, and where the difference comes from.
 
-Theta is learned from exploration throws of the simulated arm, with the published weights of the loss. Then throws are
-designed, each alone, and drawn at random; the arm makes them, and gains in log-det are taken over the same known tosses:
+Theta is learned from exploration throws of the simulated arm. Then throws are designed, each alone, and drawn at random; the
+arm makes them, and gains in log-det are taken over the same known tosses:
 
 - stated: as the plan says
 - own: of the model's own motion from the release as it was executed
@@ -24,7 +24,7 @@ import numpy as np
 import torch
 
 from contact_curation.contact.rollout import rollout
-from contact_curation.design.designer import AdaptiveDesign, Designer, DesignerConfig
+from contact_curation.design.designer import AdaptiveDesign, Designer
 from contact_curation.design.greedy_batch import gains
 from contact_curation.design.predicted_information import (
     PredictionConfig,
@@ -35,10 +35,10 @@ from contact_curation.design.predicted_information import (
 from contact_curation.design.releases import fitted_prior
 from contact_curation.design.throw import Throw
 from contact_curation.experiments.bodies import bench_of
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import ONE_THREAD
 from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.experiments.thrown.choice import ExplorationThrows
-from contact_curation.experiments.thrown.designed_throws import RoundsLearner
+from contact_curation.experiments.thrown.designed_throws import DEFAULT_DESIGN, RoundsLearner
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.record import TossInformation
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, exact
@@ -61,13 +61,13 @@ class Session:
         bench = bench_of("cube", seed)
         releases = np.array([states_of(toss, 1.0)[0] for toss in bench.training])
         self.rig, self.seed = ArmRig(bench.body, seed), seed
-        designer = Designer(bench.body, DesignerConfig(loss=PUBLISHED_LOSS), fitted_prior(releases), self.rig.feasibility)
+        designer = Designer(bench.body, DEFAULT_DESIGN, fitted_prior(releases), self.rig.feasibility)
         exploration, tosses = ExplorationThrows(designer, seed), list[Toss]()
         for number in range(1, learned + 1):
             seen = self.rig.throw(exploration.choose(number).throw)
             exploration.thrown(seen.commanded, seen.executed)
             tosses += [seen.toss] if seen.toss else []
-        config = replace(exact(ROUND_TRIMMED), loss=PUBLISHED_LOSS)
+        config = replace(exact(ROUND_TRIMMED), loss=ONE_THREAD)
         learner = RoundsLearner(origin_of(bench, seed, False), config, 1, seed)
         learner.learn(tosses)
         self.particle = designer.particle(learner.model.geometry())

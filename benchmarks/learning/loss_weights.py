@@ -17,11 +17,12 @@ from functools import partial
 import numpy as np
 
 from benchmarks._saved_rows import Row
+from benchmarks.learning.coverage import PUBLISHED_LOSS
 from benchmarks.learning.mass_centre import compare, errors_of, print_table
 from benchmarks.learning.sliding_friction import BOUNCING, PLAIN, fitted
 from contact_curation.experiments.bodies import BOUNCING as BODIES_THAT_BOUNCE
 from contact_curation.experiments.bodies import bench_of
-from contact_curation.experiments.cell_run import ONE_THREAD, PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import ONE_THREAD
 
 LOSSES = {"published": PUBLISHED_LOSS, "balanced": ONE_THREAD}
 ARMS = ("published", "balanced")

@@ -27,7 +27,6 @@ from benchmarks.learning import coverage, mass_centre
 from benchmarks.learning.mass_centre import compare, errors_of, print_table
 from contact_curation.contact.impulse_noise import ImpulseNoise
 from contact_curation.experiments.bodies import bench_of
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import transitions_of
 
@@ -56,7 +55,7 @@ def rows_of(name: str, sizes: Sequence[int], seed: int) -> list[Row]:
         tosses = [bench.training[place] for place in order[:size]]
         for arm in ARMS:
             with spread(arm):
-                model = mass_centre.fitted(bench, tosses, seed, PUBLISHED_LOSS)
+                model = mass_centre.fitted(bench, tosses, seed, coverage.PUBLISHED_LOSS)
                 row = {"body": name, "size": size, "seed": seed, "arm": arm}
                 rows.append({**row, **errors_of(model, bench, np.zeros(3))})
     return rows
@@ -71,7 +70,7 @@ def in_worlds(seeds: int) -> None:
             data = transitions_of(world.tosses(coverage.LARGEST, 1000 * seed), world.body.length_scale)
             for arm in ARMS:
                 with spread(arm):
-                    geometry = coverage.fitted(world.body, data, seed, False, PUBLISHED_LOSS).geometry()
+                    geometry = coverage.fitted(world.body, data, seed, False, coverage.PUBLISHED_LOSS).geometry()
                 friction = float(np.linalg.norm(geometry.tangents[0]))
                 off = geometry.vertices_normal * world.body.length_scale - world.body.vertices
                 found[arm].append((100.0 * (friction / world.body.friction - 1.0), 1e3 * float(np.abs(off).mean())))

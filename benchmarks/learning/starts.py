@@ -21,7 +21,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import ONE_THREAD
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids.mass_properties import of_hull
 from contact_curation.learning.evaluation.shape_errors import hull_distance, matched_distances
@@ -74,7 +74,7 @@ def reached(true: Body, described: Body, data: Transitions, starts: list[int]) -
     drawn = initial_geometry(described, Form.RIGID, pivot, np.random.default_rng(0))
     friction = float(np.linalg.norm(drawn.tangents[0]))
     level = replace(drawn, normal=UPWARD, tangents=friction * np.eye(2, 3), height=0.0)
-    origin, config = PolytopeModel(level, described, Form.RIGID), HeldFitConfig(loss=PUBLISHED_LOSS, renewals=0)
+    origin, config = PolytopeModel(level, described, Form.RIGID), HeldFitConfig(loss=ONE_THREAD, renewals=0)
     truth = fit_held(start_at(true.scaled_vertices, origin), data, config, origin)
     found = []
     for count in starts:

@@ -37,7 +37,7 @@ from benchmarks._saved_rows import Row, SavedRows
 from benchmarks.learning.coverage import WORLDS, fitted
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.experiments.cell_run import ONE_THREAD, PUBLISHED_LOSS, Bench
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench
 from contact_curation.geometry import quaternions
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model, shape_errors
 from contact_curation.motion.calibration import calibration_of
@@ -76,7 +76,7 @@ def with_differences(data: Transitions, frames: int) -> Transitions:
 def learned(kind: str, tosses: Sequence[Toss], body: Body, seed: int) -> PolytopeModel:
     """The optimum of tosses with velocities of a kind."""
     data, frames = transitions_of(tosses, body.length_scale), FRAMES[kind.removesuffix(BOUNCE)]
-    return fitted(body, with_differences(data, frames) if frames else data, seed, kind.endswith(BOUNCE), PUBLISHED_LOSS)
+    return fitted(body, with_differences(data, frames) if frames else data, seed, kind.endswith(BOUNCE), ONE_THREAD)
 
 
 def partition(tosses: Sequence[Toss], seed: int) -> Bench:

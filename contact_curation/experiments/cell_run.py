@@ -45,10 +45,7 @@ from contact_curation.motion.transitions import Transitions, transitions_of
 ONE_THREAD = replace(DEFAULT_LOSS, threads=1)
 """Cells run side by side."""
 
-PUBLISHED_LOSS = replace(ONE_THREAD, balanced=False)
-"""That of `counterfactuals` and `against-sysid`: their results were stored with the published weights."""
-
-FIT, PUBLISHED_FIT = HeldFitConfig(loss=ONE_THREAD), HeldFitConfig(loss=PUBLISHED_LOSS)
+FIT = HeldFitConfig(loss=ONE_THREAD)
 
 JUDGES = 1.0 / 3.0
 """Share of the tosses that judges, where a seed divides them."""

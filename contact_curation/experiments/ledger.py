@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.experiments.cell_run import Row
+from contact_curation.experiments.cell_run import ONE_THREAD, Row
+from contact_curation.version import __version__
+
+
+def identity_of(experiment: str) -> dict[str, str]:
+    """What must be the same for rows to stand in one table, whatever the tosses."""
+    return {"experiment": experiment, "package version": __version__, "loss": ONE_THREAD.in_words}
 
 
 class Ledger:

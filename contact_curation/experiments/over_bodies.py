@@ -10,8 +10,8 @@ from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.report import warn
 from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import Row
-from contact_curation.experiments.ledger import Ledger
-from contact_curation.experiments.run import identity_of, make_folder, report_run, rows_of, run_cells
+from contact_curation.experiments.ledger import Ledger, identity_of
+from contact_curation.experiments.run import make_folder, report_run, rows_of, run_cells
 from contact_curation.experiments.tables import csv_of
 from contact_curation.files import write_atomically
 

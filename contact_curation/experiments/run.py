@@ -29,8 +29,8 @@ from contact_curation.experiments.catalogue import (
     rows_of_cell,
 )
 from contact_curation.experiments.cell import Planned, Protocol
-from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row
-from contact_curation.experiments.ledger import Ledger
+from contact_curation.experiments.cell_run import Bench, Row
+from contact_curation.experiments.ledger import Ledger, identity_of
 from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.experiments.tables import write_tables
 from contact_curation.experiments.thrown.cell import ThrowsCell
@@ -40,10 +40,6 @@ from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.wording import counted
 from contact_curation.pipeline.workers import Advance, each, unheard
-from contact_curation.version import __version__
-
-BALANCED = ("criteria", Experiment.DESIGNED_THROWS.value)
-"""Experiments that had the published weights of the loss before: their folders say which loss they have."""
 
 
 class _Finished(NamedTuple):
@@ -219,12 +215,6 @@ def _identity(experiment: Experiment, bench: Bench) -> Mapping[str, str]:
         for toss in side:
             state.update(toss.digest().encode())
     return {**identity_of(experiment.value), "tosses": state.hexdigest()[:16]}
-
-
-def identity_of(experiment: str) -> dict[str, str]:
-    """What must be the same for rows to stand in one table, whatever the tosses."""
-    loss = {"loss": ONE_THREAD.in_words} if experiment in BALANCED else {}
-    return {"experiment": experiment, "package version": __version__, **loss}
 
 
 def make_folder(path: Path) -> None:

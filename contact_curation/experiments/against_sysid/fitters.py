@@ -16,9 +16,12 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.polytope import PolytopeModel
-from contact_curation.experiments.cell_run import PUBLISHED_FIT, PUBLISHED_LOSS, Bench, Row
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row
 from contact_curation.experiments.counterfactuals.refitted import origin_of
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
+from contact_curation.learning.evaluation.rebounds import rebound_of
+from contact_curation.learning.fits.exact_fit import with_rebound
 from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.uncertainty.parameters import KnownConfig, KnownParameter, known
 from contact_curation.motion.toss import Toss
@@ -79,11 +82,12 @@ def ours(task: Task, cold: bool) -> Learned:
     """See the module."""
     data = transitions_of(task.tosses, task.bench.body.length_scale)
     start = task.start(0) if cold else task.polytope(task.bench.body, task.bounces)
-    found = fit_held(start, data, PUBLISHED_FIT)
+    start, fit = with_rebound(start, FIT, rebound_of(data, task.bench.body) if task.bounces else None)
+    found = fit_held(start, as_described(data, start.geometry(), task.bench.body), fit)
 
     def said() -> Row:
         others = transitions_of(task.bench.held_out, task.bench.body.length_scale)
-        return _said_by_ours(known(found.model, data, others, KnownConfig(PUBLISHED_LOSS)).parameters, task.bench.body)
+        return _said_by_ours(known(found.model, data, others, KnownConfig(ONE_THREAD)).parameters, task.bench.body)
 
     return Learned(found.model, None, found.steps, said)
 

@@ -14,9 +14,10 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import ContactCurationError
 from contact_curation.experiments.bodies import BOUNCING, bench_of
 from contact_curation.experiments.cell import Planned
-from contact_curation.experiments.cell_run import PUBLISHED_FIT, PUBLISHED_LOSS, Bench, Row, motion_row
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD, Bench, Row, motion_row
 from contact_curation.experiments.counterfactuals.table import NUMBERS
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.information.pool import Indices
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions, shape_errors, transition_losses
 from contact_curation.learning.fits.refits import RefitConfig, RefitPool
@@ -67,11 +68,12 @@ class Laboratory:
             ContactCurationError: the tosses are not there or cannot be read.
         """
         bench = bench_of(body, SPLIT)
-        scale = bench.body.length_scale
-        pool = RefitPool.of(
-            origin_of(bench, START, body in BOUNCING), transitions_of(bench.training, scale), RefitConfig(PUBLISHED_FIT)
+        origin = origin_of(bench, START, body in BOUNCING)
+        training, judging = (
+            as_described(transitions_of(tosses, bench.body.length_scale), origin.geometry(), bench.body)
+            for tosses in (bench.training, bench.held_out)
         )
-        return Laboratory(bench, pool, transitions_of(bench.held_out, scale))
+        return Laboratory(bench, RefitPool.of(origin, training, RefitConfig(FIT)), judging)
 
     def prepared(self) -> "Laboratory":
         """The same, with everything made that processes would otherwise make again."""
@@ -113,7 +115,7 @@ class Laboratory:
         began = process_time()
         found = self.pool.refit(chosen)
         fitted = process_time()
-        row = motion_row(predicted_motions(found.model, self.bench.held_out, EvaluationConfig(loss=PUBLISHED_LOSS)).errors)
+        row = motion_row(predicted_motions(found.model, self.bench.held_out, EvaluationConfig(loss=ONE_THREAD)).errors)
         shape, of_all = shape_errors(found.model), shape_errors(self.pool.model)
         assert shape is not None  # of a polytope
         assert of_all is not None
@@ -136,7 +138,7 @@ class Laboratory:
     def held_out_loss(self, model: PolytopeModel) -> float:
         """Mean loss of the solved judging transitions, each over its variance by the noise of the fit to all."""
         rows = self.judging
-        losses, solved = transition_losses(model, Rows(rows.before, rows.after, rows.dt), PUBLISHED_LOSS)
+        losses, solved = transition_losses(model, Rows(rows.before, rows.after, rows.dt), ONE_THREAD)
         return float((self.weights * losses)[solved].mean())
 
 

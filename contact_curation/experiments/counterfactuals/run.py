@@ -21,7 +21,7 @@ from contact_curation.experiments.counterfactuals.page import page_of
 from contact_curation.experiments.counterfactuals.refitted import Laboratory, Subset
 from contact_curation.experiments.counterfactuals.scores import foreseen, known_of
 from contact_curation.experiments.counterfactuals.table import read_refits, write_refits
-from contact_curation.experiments.ledger import Ledger
+from contact_curation.experiments.ledger import Ledger, identity_of
 from contact_curation.experiments.run import make_folder
 from contact_curation.experiments.tables import csv_of
 from contact_curation.files import write_atomically
@@ -118,4 +118,4 @@ def _identity(laboratory: Laboratory) -> dict[str, str]:
         state.update(f"{len(side)}".encode())
         for toss in side:
             state.update(toss.digest().encode())
-    return {"experiment": "counterfactuals", "tosses": state.hexdigest()[:16], "package version": __version__}
+    return {**identity_of("counterfactuals"), "tosses": state.hexdigest()[:16]}

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.contact.evaluation import Estimator
-from contact_curation.experiments.cell_run import PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import ONE_THREAD
 from contact_curation.experiments.counterfactuals.neighbours import knn_shapley
 from contact_curation.experiments.counterfactuals.refitted import Laboratory
 from contact_curation.experiments.counterfactuals.traced import tracin, trak
@@ -63,8 +63,8 @@ def known_of(laboratory: Laboratory) -> Known:
     """Makes what the scores need."""
     pool, tosses = laboratory.pool, laboratory.bench.training
     sums = pool.sums
-    judged = polytope_sums(pool.model, laboratory.judging, Estimator.GAUSS_NEWTON, PUBLISHED_LOSS)
-    empirical = polytope_sums(pool.model, pool.data, Estimator.EMPIRICAL, PUBLISHED_LOSS)
+    judged = polytope_sums(pool.model, laboratory.judging, Estimator.GAUSS_NEWTON, ONE_THREAD)
+    empirical = polytope_sums(pool.model, pool.data, Estimator.EMPIRICAL, ONE_THREAD)
     turn, fishers, scores = whitened(pool)
     frames = np.diff(pool.data.starts)
     plain = {

@@ -11,7 +11,7 @@ import numpy as np
 from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
-from contact_curation.experiments.cell_run import PUBLISHED_FIT, PUBLISHED_LOSS
+from contact_curation.experiments.cell_run import FIT, ONE_THREAD
 from contact_curation.experiments.counterfactuals.refitted import Laboratory
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.fits.damped_descent import DescentLimits, Iterate, descend
@@ -41,7 +41,7 @@ def checkpoints(laboratory: Laboratory) -> list[PolytopeModel]:
     pool, seen = laboratory.pool, list[Iterate]()
     weights = laboratory.training_weights
     counts = np.ones(len(pool.data.toss_ids))
-    held = HeldSum(pool.data, counts, PUBLISHED_FIT, pool.origin.geometry(), PUBLISHED_FIT.noise[-1], weights)
+    held = HeldSum(pool.data, counts, FIT, pool.origin.geometry(), FIT.noise[-1], weights)
 
     def watched(model: PolytopeModel) -> Iterate:
         found = held.iterate(model)
@@ -52,9 +52,7 @@ def checkpoints(laboratory: Laboratory) -> list[PolytopeModel]:
     descend(
         pool.origin,
         watched,
-        DescentLimits(
-            PUBLISHED_FIT.early_tolerance, PUBLISHED_FIT.steps, PUBLISHED_FIT.damping[0], PUBLISHED_FIT.largest_damping
-        ),
+        DescentLimits(FIT.early_tolerance, FIT.steps, FIT.damping[0], FIT.largest_damping),
     )
     return [each.model for each in seen]
 
@@ -82,6 +80,6 @@ def sketched(pull: Array, scores: Array, whole: Array, projection: Array) -> Arr
 def toss_scores(model: PolytopeModel, data: Transitions, weights: Array) -> Array:
     """(K, P) exact scores of tosses, the sums over their solved transitions under weights (N,)."""
     geometry = model.geometry()
-    found = evaluate(geometry, model.body, data.before, data.after, data.dt, PUBLISHED_LOSS)
+    found = evaluate(geometry, model.body, data.before, data.after, data.dt, ONE_THREAD)
     each = np.where(found.solved, weights, 0.0)[:, None] * np.nan_to_num(found.scores)
     return np.asarray(np.add.reduceat(each, data.starts[:-1], axis=0) @ parameter_form(geometry, Form.RIGID).chart)
