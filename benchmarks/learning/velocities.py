@@ -8,8 +8,7 @@ over frames. Fits of the rigid form to the optimum, from the same random initial
     two-frames         those of the poses to two frames before, with half the noise
     *-bounce           with a restitution that is learned, and impacts merged (`information.impacts`)
 
-with the published weights of the loss, in the worlds of `benchmarks.learning.coverage`, where the truth is known, and with
---real from the real cube's tosses below
+in the worlds of `benchmarks.learning.coverage`, where the truth is known, and with --real from the real cube's tosses below
 400: two thirds learn, or random ones of them, and one third judges by rollouts from filtered first states, each partition with
 its own rig calibration. The tosses are found through CONTACTNETS_DATA. Medians over seeds, and for the real cube mean
 differences to `filtered` over partitions with 95 % intervals (Student's t; judges of partitions overlap).
