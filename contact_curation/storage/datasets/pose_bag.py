@@ -67,7 +67,7 @@ def import_poses(
     Args:
         sources: files of text (`pose_table`).
         out: bag to write, `*.mcap` or a new folder.
-        body: that is tracked; only its name counts.
+        body: that is tracked; only its name counts, also to choose among the bodies of a table.
         rate: poses in a second, of files without times.
         up: axis of the poses' frame that points up, one of `UPRIGHT`; the bag's frame has z up.
         advance: called with the share of the files that is done.
@@ -76,7 +76,7 @@ def import_poses(
         UnreadableInputError: a file is no table of poses; no bag is written then.
         InvalidValueError: `out` cannot be written, times are negative, or a rate is missing or one too much.
     """
-    tables = [PoseTable(path, rate) for path in sources]
+    tables = [PoseTable(path, rate, body.name) for path in sources]
     left_out = []
     with BagWriter(out) as bag:
         writer = PoseWriter(bag, body, up)
@@ -85,6 +85,8 @@ def import_poses(
             if not count:
                 raise UnreadableInputError(table.path, f"found no pose ({first}), expected one in each row")
             left_out += [f"{table.path}: left out {rows} rows without a pose ({first})"] if rows else []
+            others = table.of_others
+            left_out += [f"{table.path}: left out {others} rows of other bodies than {body.name}"] if others else []
             advance(done / len(tables))
     unnamed = tuple(str(table.path) for table in tables if not table.named)
     return PosesReport(len(tables), writer.poses, writer.seconds, writer.moved, tuple(left_out), unnamed)
