@@ -82,7 +82,7 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
     pose = _of_one_body(told, body) or _of_all(names, told)
     times = [at for at, one in enumerate(told) if one.kind == "time"]
     near = set(words_of(names[pose[0]]))
-    times.sort(key=lambda at: ("header" not in words_of(names[at]), -len(near.intersection(words_of(names[at])))))
+    times.sort(key=lambda at: _doubt(set(words_of(names[at])), near))
     length = UNITS_OF_LENGTH.get(_unit(names[pose[0]]), UNITS_OF_LENGTH.get(length_unit.lower(), 1.0))
     for at in times:
         for beside in times:
@@ -149,6 +149,11 @@ def _told(name: str) -> _Name:
     if axis[1] == "q" or axis[2] == "w" or set(others) & ORIENTATION_WORDS:
         return _Name("q" + axis[2], whose)
     return _Name(axis[2], whose, bool(axis[1] or not others or set(others) & POSITION_WORDS))
+
+
+def _doubt(words: set[str], near: set[str]) -> tuple[bool, int, int]:
+    """Orders names of times: of a header, of the same body, and without words of another time, `time` before `recv_time`."""
+    return "header" not in words, -len(near & words), len(words - TIME_WORDS)
 
 
 def _unit(name: str) -> str:

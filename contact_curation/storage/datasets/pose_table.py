@@ -102,7 +102,8 @@ class PoseTable:
             return round(row * self._period_ns)
         time, beside = (None if at is None else _time(values[at]) for at in self._columns[:2])
         if time is None:
-            raise _NoPose("found no time")
+            found = repr(values[self._columns.time or 0][:40])
+            raise _NoPose(f"found no time in {found}, expected a number, or a date with a time")
         return int(time * self._unit) + (0 if beside is None else int(beside))
 
     def _pose(self, values: Sequence[str]) -> ScalarPose:
@@ -147,7 +148,8 @@ class PoseTable:
             with self.path.open(encoding="utf-8-sig", errors="replace") as file:
                 for number, line in enumerate(iter(partial(file.readline, LONGEST_LINE), ""), start=1):
                     if len(line) == LONGEST_LINE or "\0" in line:
-                        raise UnreadableInputError(self.path, f"found no text in line {number}, expected a row of numbers")
+                        what = f"found no text in line {number}, expected a row of numbers"
+                        raise UnreadableInputError(self.path, f"{what}; cc.write_poses writes arrays")
                     yield number, line.strip()
         except OSError as error:
             raise UnreadableInputError(self.path, why_unreadable(self.path, error)) from error

@@ -31,6 +31,13 @@ def test_names_and_units_that_programs_write_are_known(header: str) -> None:
     assert (found.time, found.pose, found.length) == (0, (1, 2, 3, 7, 4, 5, 6), NAMED[header])
 
 
+def test_of_several_times_the_one_of_the_pose_is_taken() -> None:
+    pose = ["x", "y", "z", "qx", "qy", "qz", "qw"]
+    assert columns_of(["recv_time", "time", *pose]).time == 1
+    assert columns_of(["time", "header.stamp", *pose]).time == 1
+    assert columns_of(["ball/stamp", "cube/stamp", *names("cube")]).time == 1
+
+
 def names(body: str) -> list[str]:
     return [f"{body}/{name}" for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
 
