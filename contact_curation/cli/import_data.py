@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
 def run_poses(arguments: argparse.Namespace) -> int:
     """Writes the bag and prints a summary."""
     from contact_curation.storage.datasets.pose_bag import import_poses
-    from contact_curation.storage.datasets.pose_table import TUM
+    from contact_curation.storage.datasets.pose_columns import TUM
 
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     with Progress("importing", "files") as bar:

@@ -8,10 +8,31 @@ from rosbags.typesys import get_types_from_msg
 
 from contact_curation.geometry.scalars import Quaternion, ScalarPose, Vector
 from contact_curation.motion.pose_stream import FramePose
-from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF, TRANSFORM
+from contact_curation.storage.inputs.pose_messages import (
+    NAMED_POSES,
+    ODOMETRY,
+    POSE,
+    POSE_ARRAY,
+    POSE_WITH_COVARIANCE,
+    RIGID_BODIES,
+    TF,
+    TRANSFORM,
+)
 from test.storage.written_bags import JAZZY, NOETIC, Sent
 
 NOETIC.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))  # rosbags' set for ROS 1 lacks it
+
+MARKER, RIGID_BODY = "mocap4r2_msgs/msg/Marker", "mocap4r2_msgs/msg/RigidBody"
+NAMED_POSE = "motion_capture_tracking_interfaces/msg/NamedPose"
+MOCAP = {
+    MARKER: "int8 id_type\nint32 marker_index\nstring marker_name\ngeometry_msgs/Point translation",
+    RIGID_BODY: "string rigid_body_name\nmocap4r2_msgs/Marker[] markers\ngeometry_msgs/Pose pose",
+    RIGID_BODIES: "std_msgs/Header header\nuint32 frame_number\nmocap4r2_msgs/RigidBody[] rigidbodies",
+    NAMED_POSE: "string name\ngeometry_msgs/Pose pose",
+    NAMED_POSES: "std_msgs/Header header\nmotion_capture_tracking_interfaces/NamedPose[] poses",
+}
+for name, definition in MOCAP.items():
+    JAZZY.register(get_types_from_msg(definition, name))
 
 LOG_OFFSET_NS = 86_400_000_000_000
 """Log times are a day after header stamps: nobody may look at them."""
@@ -27,8 +48,12 @@ def message(type_name: str, one: FramePose, store: Any = JAZZY) -> Any:
     head = _header(one.stamp_ns, one.parent, store)
     if type_name == POSE:
         return types[POSE](head, pose)
+    other = _pose(ScalarPose((9.0, 9.0, 9.0), (1.0, 0.0, 0.0, 0.0)), store)
+    if type_name == RIGID_BODIES:
+        return types[RIGID_BODIES](head, 7, [types[RIGID_BODY]("wand", [], other), types[RIGID_BODY](one.child, [], pose)])
+    if type_name == NAMED_POSES:
+        return types[NAMED_POSES](head, [types[NAMED_POSE]("wand", other), types[NAMED_POSE](one.child, pose)])
     if type_name == POSE_ARRAY:
-        other = _pose(ScalarPose((9.0, 9.0, 9.0), (1.0, 0.0, 0.0, 0.0)), store)
         return types[POSE_ARRAY](head, [other, pose])
     if type_name == TF:
         return transforms([one], store)

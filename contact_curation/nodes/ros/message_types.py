@@ -1,9 +1,15 @@
 """Message classes by their ROS type names."""
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from contact_curation.errors import MissingDependencyError
+
+
+def is_installed(type_name: str) -> bool:
+    """Whether the package of a message type is there."""
+    return find_spec(type_name.partition("/")[0]) is not None
 
 
 def message_class(type_name: str) -> Any:

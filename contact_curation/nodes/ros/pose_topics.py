@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from contact_curation.errors import InvalidValueError, MissingTopicError
-from contact_curation.nodes.ros.message_types import message_class
+from contact_curation.nodes.ros.message_types import is_installed, message_class
 from contact_curation.nodes.ros.own_namespace import is_own
 from contact_curation.nodes.ros.parameters import declare_config
 from contact_curation.nodes.ros.qos import AS_OFFERED, Callback, FollowedTopic, Offer, profile
@@ -27,7 +27,8 @@ from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIO
 AUTO, NONE = "auto", "none"
 """Words for an empty topic and an empty board frame, which launch and `-p` cannot pass."""
 
-READ_TYPES = (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO)
+READ_TYPES = tuple(kind for kind in (*POSE_MESSAGES, DETECTIONS, CAMERA_INFO) if is_installed(kind))
+"""Of topics that are looked at without being named: what motion capture publishes beside TF needs a package of its own."""
 
 LOOKS_FOR_A_TOPIC = 10
 """Number of looks at the graph for which a body that was heard on TF may still get a topic of its own."""

@@ -29,6 +29,8 @@ UPRIGHT = {
 
 BETWEEN_NS = NANOSECONDS
 """Time without poses before a recording that is moved behind the one before it."""
+BACK_NS, SHORTEST = NANOSECONDS // 3, 10
+"""Times that go back by more begin another recording, of so many rows in the mean; what goes back by less was logged late."""
 LATEST_NS = (1 << 31) * NANOSECONDS
 """Of a stamp of ROS, whose seconds have 32 bits."""
 
@@ -38,7 +40,7 @@ class PosesReport:
     """What was written to a bag.
 
     Attributes:
-        recordings: number of recordings, one behind the other.
+        recordings: number of recordings, one behind the other: files, and parts of one in which times begin again.
         poses: number of poses.
         seconds: that they take, without the times between recordings.
         moved: number of recordings whose times were moved: they begin at 0, or before the recording before them ends.
@@ -67,7 +69,7 @@ def import_poses(
     Args:
         sources: files of text (`pose_table`).
         out: bag to write, `*.mcap` or a new folder.
-        body: that is tracked; only its name counts.
+        body: that is tracked; only its name counts, also to choose among the bodies of a table.
         rate: poses in a second, of files without times.
         up: axis of the poses' frame that points up, one of `UPRIGHT`; the bag's frame has z up.
         advance: called with the share of the files that is done.
@@ -76,18 +78,25 @@ def import_poses(
         UnreadableInputError: a file is no table of poses; no bag is written then.
         InvalidValueError: `out` cannot be written, times are negative, or a rate is missing or one too much.
     """
-    tables = [PoseTable(path, rate) for path in sources]
+    tables = [PoseTable(path, rate, body.name) for path in sources]
     left_out = []
     with BagWriter(out) as bag:
         writer = PoseWriter(bag, body, up)
         for done, table in enumerate(tables, start=1):
+            before = writer.recordings
             count, (rows, first) = writer.write(table), table.left_out
+            back = writer.recordings - before - 1
+            if back > 0 and count < SHORTEST * back:
+                what = f"found times that go back in {back} of {count} rows"
+                raise UnreadableInputError(table.path, f"{what}, expected rows in order of time, of one body")
             if not count:
                 raise UnreadableInputError(table.path, f"found no pose ({first}), expected one in each row")
             left_out += [f"{table.path}: left out {rows} rows without a pose ({first})"] if rows else []
+            others = table.of_others
+            left_out += [f"{table.path}: left out {others} rows of other bodies than {body.name}"] if others else []
             advance(done / len(tables))
     unnamed = tuple(str(table.path) for table in tables if not table.named)
-    return PosesReport(len(tables), writer.poses, writer.seconds, writer.moved, tuple(left_out), unnamed)
+    return PosesReport(writer.recordings, writer.poses, writer.seconds, writer.moved, tuple(left_out), unnamed)
 
 
 class PoseWriter:
@@ -98,15 +107,22 @@ class PoseWriter:
         self._bag, self._topic = bag, f"/tagslam/odom/body_{body.name}"
         self._messages, self._last_ns = RigMessages(rig, f"body_{body.name}"), 0
         self._upright = UPRIGHT[up]
-        self.poses, self.moved, self.seconds = 0, 0, 0.0
+        self.poses, self.recordings, self.moved, self._lasted_ns = 0, 0, 0, 0
+
+    @property
+    def seconds(self) -> float:
+        """That the recordings take."""
+        return self._lasted_ns / NANOSECONDS
 
     def write(self, poses: Iterable[tuple[int, ScalarPose]]) -> int:
-        """Adds a recording, stamps [ns] and poses; returns their number."""
-        before_ns, count, first_ns, offset_ns = self._last_ns, 0, 0, 0
+        """Adds stamps [ns] and poses, as several recordings where times begin again; returns the number of poses."""
+        count, newest_ns, offset_ns = 0, None, 0
         for stamp_ns, pose in poses:
-            if not count:
-                first_ns = stamp_ns
-                offset_ns = 0 if stamp_ns > before_ns else before_ns + BETWEEN_NS - stamp_ns
+            begins = newest_ns is None or stamp_ns < newest_ns - BACK_NS
+            if begins:
+                offset_ns = 0 if stamp_ns > self._last_ns else self._last_ns + BETWEEN_NS - stamp_ns
+                self.recordings, self.moved = self.recordings + 1, self.moved + (offset_ns != 0)
+            newest_ns = stamp_ns if newest_ns is None or begins else max(newest_ns, stamp_ns)
             count, moved_ns = count + 1, stamp_ns + offset_ns
             if moved_ns >= LATEST_NS:
                 latest = LATEST_NS / NANOSECONDS
@@ -114,7 +130,7 @@ class PoseWriter:
             if not self._last_ns:  # logged with the first pose: tools take what is logged first for the recording's start
                 self._bag.write("/tf_static", self._messages.board(), moved_ns, latched=True)
             self._bag.write(self._topic, self._messages.odometry(moved_ns, compose(self._upright, pose)), moved_ns)
+            self._lasted_ns += 0 if begins else max(moved_ns - self._last_ns, 0)
             self._last_ns = max(self._last_ns, moved_ns)
-        self.poses, self.moved = self.poses + count, self.moved + (offset_ns != 0)
-        self.seconds += max(self._last_ns - first_ns - offset_ns, 0) / NANOSECONDS if count else 0.0
+        self.poses += count
         return count

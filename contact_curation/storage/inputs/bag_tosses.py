@@ -19,9 +19,9 @@ from contact_curation.motion.scales import scale_of
 from contact_curation.motion.toss import NANOSECONDS, Rejected
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage, Channel
-from contact_curation.storage.inputs.pose_messages import ODOMETRY, TRANSFORM, Measured, frame_name
+from contact_curation.storage.inputs.pose_messages import BODY_PREFIX, ODOMETRY, TRANSFORM, Measured, frame_name
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun, measured_runs
-from contact_curation.storage.inputs.pose_source import BODY_PREFIX, PoseSource, TypedTopic, find_pose_source, is_of_another
+from contact_curation.storage.inputs.pose_source import PoseSource, TypedTopic, find_pose_source, is_of_another
 from contact_curation.storage.inputs.recording_notes import (
     NUMBERS_NOTE,
     RULES_NOTE,

@@ -4,7 +4,7 @@ This is where xyzw becomes wxyz, and where stamps are header stamps: log times a
 frame names are dropped. What is no pose comes out as a `BadPose` with its reason.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from contact_curation.motion.pose_stream import BadPose, FramePose, checked_pose
@@ -18,8 +18,14 @@ POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 POSE_ARRAY = "geometry_msgs/msg/PoseArray"
 ONLY = -1
 """Index of the pose in a PoseArray that holds no other."""
+RIGID_BODIES = "mocap4r2_msgs/msg/RigidBodies"
+NAMED_POSES = "motion_capture_tracking_interfaces/msg/NamedPoseArray"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
 TF = "tf2_msgs/msg/TFMessage"
+
+
+BODY_PREFIX, MOST_NAMES = "body_", 8
+"""Prefix of TagSLAM's topic names for bodies, whose frames have the body's name alone; and names in a message."""
 
 
 def stamp_ns_of(header: Any) -> int:
@@ -58,11 +64,33 @@ def of_array(message: Any, child: str, index: int) -> Measured:
     return on_header(message.header, child, message.poses[index].position, message.poses[index].orientation)
 
 
+def of_rigid_bodies(message: Any, child: str, index: int) -> Measured:
+    """Pose of the body of that name in a RigidBodies of mocap4r2 (OptiTrack, Vicon, Qualisys)."""
+    return _of_names(message.header, child, ((one.rigid_body_name, one.pose) for one in message.rigidbodies))
+
+
+def of_named_poses(message: Any, child: str, index: int) -> Measured:
+    """Pose of that name in a NamedPoseArray of motion_capture_tracking."""
+    return _of_names(message.header, child, ((one.name, one.pose) for one in message.poses))
+
+
+def _of_names(header: Any, child: str, poses: Iterable[tuple[str, Any]]) -> Measured:
+    """The pose of a name; where a body is lost, the only pose may be that of another one."""
+    named = {frame_name(str(name)): pose for name, pose in poses}
+    pose = named.get(child, named.get(child.removeprefix(BODY_PREFIX)))
+    if pose is None:
+        found = ", ".join(sorted(named)[:MOST_NAMES]) or "no name"
+        return BadPose(stamp_ns_of(header), child, f"poses of bodies: found {found}, expected {child}", "name")
+    return on_header(header, child, pose.position, pose.orientation)
+
+
 POSE_MESSAGES: dict[str, Translator] = {
     ODOMETRY: with_covariance,
     POSE_WITH_COVARIANCE: with_covariance,
     POSE: stamped,
     TRANSFORM: transformed,
+    RIGID_BODIES: of_rigid_bodies,
+    NAMED_POSES: of_named_poses,
     POSE_ARRAY: of_array,
 }
 """The message types that carry a body's pose, by their ROS 2 names, the most detailed first.

@@ -12,6 +12,7 @@ from contact_curation.motion.body_tracker import TrackerConfig
 from contact_curation.motion.pose_stream import BadPose
 from contact_curation.motion.tags.pose import TagPoseConfig
 from contact_curation.storage.inputs.pose_messages import (
+    BODY_PREFIX,
     ONLY,
     POSE_MESSAGES,
     TF,
@@ -26,10 +27,6 @@ from contact_curation.storage.tag_map_file import read_tag_rig
 TF_STATIC_NAME = "tf_static"
 NOT_TRACKED = ("ground_truth", "grip")
 """Last names of topics with poses that no tracker measured: of a simulation, and of the grip that a throw wants."""
-
-BODY_PREFIX = "body_"
-"""Prefix of TagSLAM's topic names for bodies; its frames have the body's name alone."""
-
 
 WITH_CHILD = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/TransformStamped")
 """Types whose messages say in `child_frame_id` whose pose they have."""

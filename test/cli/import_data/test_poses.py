@@ -109,6 +109,23 @@ def test_recordings_that_begin_at_0_follow_each_other_and_lose_nothing(cli: Cli,
     assert len({toss.toss_id for toss in found.accepted}) == len(found.accepted)
 
 
+def test_times_that_begin_again_in_a_file_are_another_recording(
+    cli: Cli, poses: Poses, tosses: cc.Tosses, tmp_path: Path
+) -> None:
+    """Takes that were joined to one table: their poses would lie between each other."""
+    half = np.searchsorted(poses.stamps_ns, tosses.accepted[10].stamps_ns[-1] + 200_000_000)
+    parts = [
+        Poses(poses.stamps_ns[part], poses.positions[part], poses.orientations_wxyz[part])
+        for part in (slice(0, int(half)), slice(int(half), None))
+    ]
+    first, second = (text("excel", part).splitlines() for part in parts)
+    (tmp_path / "takes.csv").write_text("\n".join(first + second[1:]))
+    done = cli("import", "poses", tmp_path / "takes.csv", "--out", tmp_path / "poses.mcap", "--json")
+    assert (done.json["recordings"], done.json["poses"], done.json["moved"]) == (2, len(poses.stamps_ns), 2)
+    assert done.json["seconds"] == pytest.approx(1e-9 * (poses.stamps_ns[-1] - poses.stamps_ns[0]), abs=0.1)
+    check_same(cc.read(tmp_path / "poses.mcap", CONTACTNETS_CUBE), tosses)
+
+
 def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "poses.txt").write_text("0 0 1 0 0 0 1\n" * 101)
     done = cli("import", "poses", tmp_path / "poses.txt", "--rate", "50", "--out", tmp_path / "poses.mcap", "--json")
@@ -129,11 +146,15 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
         ("x,y,z,qx,qy,qz,qw\n0,0,1,0,0,0,1\n", [], "rate: found none, and no times in"),
         ("t,x,y,z,qx,qy,qz,qw\n1,0,0,1,0,0,0,1\n", ["--rate", "50"], "rate: found 50, and times in"),
         ("t,x,y,z,qx,qy,qz,qw\n1,0,0,1,0,0,0,?\n", [], "found no pose (line 2: found '?', expected a number)"),
-        ("t,x,y,z,qx,qy,qz,qw\n1e99,0,0,1,0,0,0,1\n", [], "found no pose (line 2: found no time)"),
-        ("t,x,y,z,qx,qy,qz,qw\n1e9999999,0,0,1,0,0,0,1\n", [], "found no pose (line 2: found no time)"),
+        ("t,x,y,z,qx,qy,qz,qw\n1e99,0,0,1,0,0,0,1\n", [], "found no pose (line 2: found no time in '1e99', expected a number"),
+        (
+            "t,x,y,z,qx,qy,qz,qw\n1e9999999,0,0,1,0,0,0,1\n",
+            [],
+            "found no pose (line 2: found no time in '1e9999999'",
+        ),
         ("t,x,y,z,qx,qy,qz,qw\n3e18,0,0,1,0,0,0,1\n", [], "times: found 3e+18 s, expected less than 2.14748e+09 s"),
         ("x,y,z,qx,qy,qz,qw\n" + "0,0,1,0,0,0,1\n" * 2, ["--rate", "1e-300"], "rate: found 1e-300, expected at least 0.001"),
-        ("t,x,y,z,qx,qy,qz,qw\n5,0,0,1,0,0,0,1\n-9,0,0,1,0,0,0,1\n", [], "log time of a message on /tagslam/odom/body_cube"),
+        ("t,x,y,z,qx,qy,qz,qw\n5,0,0,1,0,0,0,1\n-9,0,0,1,0,0,0,1\n", [], "times that go back in 1 of 2 rows, expected rows"),
     ],
 )
 def test_what_is_no_table_of_poses_is_one_line_and_leaves_no_bag(

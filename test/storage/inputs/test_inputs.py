@@ -24,7 +24,14 @@ from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.storage.inputs.bag_tosses import in_order_of_stamps
 from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, Problem, open_inputs
-from contact_curation.storage.inputs.pose_messages import ODOMETRY, POSE, POSE_ARRAY, POSE_WITH_COVARIANCE, TF, TRANSFORM
+from contact_curation.storage.inputs.pose_messages import (
+    ODOMETRY,
+    POSE,
+    POSE_ARRAY,
+    POSE_MESSAGES,
+    TF,
+    TRANSFORM,
+)
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage, MeasuredRun
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig, TypedTopic, find_pose_source
 from test.motion.streams import PERIOD_NS, board_in_map, in_map, noisy, stream
@@ -220,9 +227,9 @@ def test_the_end_of_a_run_stays_a_run() -> None:
     assert [message for run in given for message in run.messages()] == [*whole.part(0, 140).messages(), *turned.messages()]
 
 
-@pytest.mark.parametrize("type_name", [POSE, POSE_WITH_COVARIANCE, POSE_ARRAY, ODOMETRY, TRANSFORM])
+@pytest.mark.parametrize("type_name", [*POSE_MESSAGES])
 def test_poses_given_on_the_board_need_no_frames(tmp_path: Path, type_name: str) -> None:
-    bag = write_ours(tmp_path / "a.mcap", recorded("/pose", type_name, ON_BOARD))
+    bag = write_rosbag2(tmp_path / "a", recorded("/pose", type_name, ON_BOARD), StoragePlugin.MCAP)
     items, _ = opened(bag, poses=PoseTopicConfig(array_index=int(type_name == POSE_ARRAY)))
     assert kinds(items) == ["Toss", "Toss"]
 
@@ -316,7 +323,7 @@ def test_a_bad_input_is_one_line_and_the_others_go_on(tmp_path: Path, name: str,
 
 def test_a_bag_without_poses_lists_what_it_has(tmp_path: Path) -> None:
     bag = write_ours(tmp_path / "a.mcap", [Sent("/note", 5, note("hello"))])
-    kinds_read = ", ".join((ODOMETRY, POSE_WITH_COVARIANCE, POSE, TRANSFORM, POSE_ARRAY, TF))
+    kinds_read = ", ".join((*POSE_MESSAGES, TF))
     expected = f"one topic with poses of cube; name it (`topic`) if there are several, of a type that is read: {kinds_read}"
     assert lines(opened(bag)[0]) == [f"{bag}: found /note (std_msgs/msg/String); expected {expected}"]
 

@@ -1,5 +1,6 @@
 """Every pose message says the same pose, whoever decoded it; what is no pose is never repaired."""
 
+from dataclasses import replace
 from math import nan
 from typing import Any
 
@@ -11,11 +12,13 @@ from contact_curation.errors import InvalidValueError, MissingTopicError
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.storage.inputs.pose_messages import (
+    NAMED_POSES,
     ODOMETRY,
     POSE,
     POSE_ARRAY,
     POSE_MESSAGES,
     POSE_WITH_COVARIANCE,
+    RIGID_BODIES,
     TF,
     measured_pose,
     measured_transforms,
@@ -55,6 +58,17 @@ def test_a_type_that_is_added_to_the_table_is_found_and_read(monkeypatch: pytest
     monkeypatch.setitem(POSE_MESSAGES, tracked, lambda message, child, index: ONE)
     source = find_pose_source("bag", [TypedTopic("/tracked", tracked)], "cube", PoseTopicConfig())
     assert source.measured("/tracked", object()) == (ONE,)
+
+
+@pytest.mark.parametrize("type_name", [RIGID_BODIES, NAMED_POSES])
+def test_of_bodies_with_names_the_one_that_is_called_so_is_taken_and_no_other_where_it_is_lost(type_name: str) -> None:
+    """Motion capture publishes all bodies in one message, and leaves out those that it lost."""
+    cube = replace(ONE, child="cube")
+    assert measured_pose(type_name, message(type_name, cube), "body_cube") == ONE
+    lost = measured_pose(type_name, message(type_name, replace(ONE, child="ball")), "body_cube")
+    assert lost == BadPose(ONE.stamp_ns, "body_cube", "poses of bodies: found ball, wand, expected body_cube", "name")
+    source = find_pose_source("bag", [TypedTopic("/rigid_bodies", type_name)], "cube", PoseTopicConfig())
+    assert source.measured("/rigid_bodies", message(type_name, cube)) == (ONE,)
 
 
 def test_transforms_are_poses_of_their_children_and_static_on_tf_static() -> None:

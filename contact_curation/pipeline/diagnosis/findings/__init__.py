@@ -62,6 +62,7 @@ FINDINGS: tuple[Find, ...] = (
     rig.marker,
     rig.mass_centre,
     rig.inertia,
+    orientations.beside_positions,
     tosses.never_at_rest,
     tosses.rejected,
     tosses.none_found,

@@ -9,6 +9,7 @@ import numpy as np
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.survey.falls import survey
+from contact_curation.motion.survey.one_frame import other_frame
 from contact_curation.motion.survey.rests import faces
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
@@ -42,6 +43,23 @@ def order(evidence: Evidence) -> Finding | None:
     what = f"bodies at rest stand {found['as read']:.0f} degrees off their faces, and flat with another order: {best}?"
     remedy = "publish geometry_msgs/Quaternion as x, y, z, w of the turn from body to parent"
     return Finding(Severity.FAULT, what, remedy)
+
+
+def beside_positions(evidence: Evidence) -> Finding | None:
+    """Positions that are mirrored or turned about the vertical while orientations are not: left-handed poses half converted."""
+    body = evidence.body
+    if evidence.tracked is not None or not evidence.rests_on_board:
+        return None
+    found = other_frame(evidence.tosses, body.vertices, body.inertia / body.mass, body.gravity)
+    if found is None:
+        return None
+    how = "mirrored" if found.mirrored else f"turned by {found.angle:.0f} degrees about the vertical"
+    what = (
+        f"positions are {how} against orientations: read so, {found.impacts} impacts turn the body as they push it, with "
+        f"{found.times:.1f} times smaller errors"
+    )
+    half = "of left-handed poses" if found.mirrored else "of poses"
+    return Finding(Severity.FAULT, what, f"were positions {half} converted alone? give both in one frame")
 
 
 def inverted(evidence: Evidence) -> Finding | None:

@@ -24,6 +24,7 @@ QUIETER = "more light, larger tags or a nearer camera"
 
 REMEDIES = {
     "pose": "publish unit quaternions, and nothing where the tracker has no pose",
+    "name": "name the body's with --body-frame, or record it whole",
     "array": "say --set poses.array_index=N, counted from 0",
     **dict.fromkeys(("lost", "misfit", "flip", "unsure"), QUIETER),
 }

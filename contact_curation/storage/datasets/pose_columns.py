@@ -1,0 +1,162 @@
+"""The columns of a pose in a table, told by their names: times, positions and orientations of one body among others.
+
+A name is cut into words, `/vicon/cube/pose/position/x`, `cubePosX` or `p_RS_R_x [m]`: one says which number it is, the others
+whose. Columns of one body share these others; where there are several bodies, those of the one that is wanted are taken.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from contact_curation.motion.toss import NANOSECONDS
+
+TUM = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
+KINDS = ("x", "y", "z", "qw", "qx", "qy", "qz")
+
+POSITION_WORDS = {"p", "t", "pos", "position", "point", "trans", "translation", "location", "xyz"}
+ORIENTATION_WORDS = {"q", "quat", "quaternion", "orient", "orientation", "rot", "rotation", "attitude"}
+WHOLE_SECONDS, NANOSECONDS_BESIDE = {"sec", "secs"}, {"nanosec", "nanosecs", "nsec", "nsecs"}
+TIME_WORDS = {"t", "time", "timestamp", "stamp", "seconds", "nanoseconds", "ns", *WHOLE_SECONDS, *NANOSECONDS_BESIDE}
+OTHER_WORDS = {"v", "vel", "velocity", "twist", "angular", "linear", "acc", "acceleration", "cov", "covariance", "euler", "b"}
+"""Of columns that are no pose: EuRoC's ground truth has velocities and biases beside it."""
+
+UNITS_OF_TIME = {
+    "s": NANOSECONDS, "seconds": NANOSECONDS, "secs": NANOSECONDS, "sec": NANOSECONDS,
+    "ms": 1_000_000, "milliseconds": 1_000_000, "us": 1_000, "microseconds": 1_000, "ns": 1, "nanoseconds": 1,
+}  # fmt: skip
+UNITS_OF_LENGTH = {
+    **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
+    **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
+    **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
+    **dict.fromkeys(("in", "inch", "inches"), 0.0254),
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
+}
+"""[m] Others are metres."""
+
+IDENTIFIER = re.compile(r"\b[0-9A-Fa-f]{8,}(-?[0-9A-Fa-f]{4,})*\b")
+"""Of a body, as Motive writes: no words."""
+
+SHOWN = 12
+"""Names of columns in a message."""
+
+
+class ColumnsError(Exception):
+    """Names that tell no pose: what is lacking, or one too much."""
+
+
+class PoseColumns(NamedTuple):
+    """Where the columns are: that of times, of nanoseconds beside whole seconds, and those of `KINDS`; metres in a unit."""
+
+    time: int | None
+    nanoseconds: int | None
+    time_unit: int | None
+    pose: tuple[int, ...]
+    length: float
+
+    @property
+    def fewest(self) -> int:
+        """Values of a row with all of them."""
+        return 1 + max(at for at in (self.time, self.nanoseconds, *self.pose) if at is not None)
+
+
+class _Name(NamedTuple):
+    """What a name says: one of `KINDS` or a time, else empty; whose; and if it is certain without the others of a pose."""
+
+    kind: str
+    whose: tuple[str, ...] = ()
+    is_sure: bool = True
+
+
+def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> PoseColumns:
+    """The columns that names tell.
+
+    Args:
+        names: of all columns.
+        body: whose pose is wanted, where there are several.
+        length_unit: of positions whose names say none.
+
+    Raises:
+        ColumnsError: they tell no pose, or several.
+    """
+    told = [_told(name) for name in names]
+    pose = _of_one_body(told, body) or _of_all(names, told)
+    times = [at for at, one in enumerate(told) if one.kind == "time"]
+    near = set(words_of(names[pose[0]]))
+    times.sort(key=lambda at: _doubt(set(words_of(names[at])), near))
+    length = UNITS_OF_LENGTH.get(_unit(names[pose[0]]), UNITS_OF_LENGTH.get(length_unit.lower(), 1.0))
+    for at in times:
+        for beside in times:
+            words, others = set(words_of(names[at])), set(words_of(names[beside]))
+            if words & WHOLE_SECONDS and words - WHOLE_SECONDS == others - NANOSECONDS_BESIDE:
+                return PoseColumns(at, beside, NANOSECONDS, pose, length)
+    time = times[0] if times else None
+    return PoseColumns(time, None, None if time is None else UNITS_OF_TIME.get(_unit(names[time])), pose, length)
+
+
+def words_of(name: str) -> list[str]:
+    """The parts of a name in lower case, `cubePosX` as `cube_pos_x`, without a unit in brackets."""
+    plain = IDENTIFIER.sub("", re.sub(r"[\[(][^\[\]()]*[\])]", "", name))
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", plain)]
+
+
+def _of_one_body(told: Sequence[_Name], body: str) -> tuple[int, ...]:
+    """The columns of the one body that has a whole pose, of several those of the wanted one; empty where none has."""
+    poses: dict[tuple[str, ...], list[int]] = {}
+    for whose in dict.fromkeys(one.whose for one in told if one.kind in KINDS):
+        found = [[at for at, one in enumerate(told) if (one.kind, one.whose) == (kind, whose)] for kind in KINDS]
+        if all(len(places) == 1 for places in found):
+            poses[whose] = [places[0] for places in found]
+    wanted = set(words_of(body))
+    chosen = [whose for whose in poses if wanted and wanted <= set(whose)] or list(poses)
+    if len(chosen) > 1:
+        listed = ", ".join(" ".join(whose) or "columns without a name" for whose in chosen[:SHOWN])
+        raise ColumnsError(f"poses of several: {listed}, none or several of them of {body or 'one body'} (--body-name)")
+    return tuple(poses[chosen[0]]) if chosen else ()
+
+
+def _of_all(names: Sequence[str], told: Sequence[_Name]) -> tuple[int, ...]:
+    """The columns of a pose whose position and orientation are named differently, as EuRoC's."""
+    found = {kind: [at for at, one in enumerate(told) if one.kind == kind and one.is_sure] for kind in KINDS}
+    for kind, places in found.items():
+        if len(places) > 1:
+            raise ColumnsError(f"{len(places)} columns of {kind} ({names[places[0]]}, {names[places[1]]})")
+    missing = [kind for kind, places in found.items() if not places]
+    if missing:
+        shown = ", ".join(name for name in names[:SHOWN] if name) + (", ..." if len(names) > SHOWN else "")
+        raise ColumnsError(f"no column of {', '.join(missing)} in {shown}")
+    pose = tuple(places[0] for places in found.values())
+    position, orientation = (set(told[at].whose) for at in (pose[0], pose[3]))
+    if not (position <= orientation or orientation <= position):
+        raise ColumnsError(f"a position and an orientation of different names ({names[pose[0]]}, {names[pose[3]]})")
+    return pose
+
+
+def _told(name: str) -> _Name:
+    words = words_of(name)
+    if len(words) > 1 and words[-1] in UNITS_OF_LENGTH:
+        del words[-1]
+    letters = [word for word in words if not word.isdigit()]
+    if not letters or set(letters) & OTHER_WORDS:
+        return _Name("")
+    *others, last = letters
+    axis = re.fullmatch(r"([qpt]?)([wxyz])", last)
+    if axis is None and others and set(letters[1:]) <= POSITION_WORDS | ORIENTATION_WORDS:  # x_position
+        others, axis = letters[1:], re.fullmatch(r"()([wxyz])", letters[0])
+    if axis is None:
+        return _Name("time" if set(letters) & TIME_WORDS else "")
+    whose = tuple(word for word in words if word.isdigit() or word in others)
+    whose = tuple(word for word in whose if word not in POSITION_WORDS | ORIENTATION_WORDS)
+    if axis[1] == "q" or axis[2] == "w" or set(others) & ORIENTATION_WORDS:
+        return _Name("q" + axis[2], whose)
+    return _Name(axis[2], whose, bool(axis[1] or not others or set(others) & POSITION_WORDS))
+
+
+def _doubt(words: set[str], near: set[str]) -> tuple[bool, int, int]:
+    """Orders names of times: of a header, of the same body, and without words of another time, `time` before `recv_time`."""
+    return "header" not in words, -len(near & words), len(words - TIME_WORDS)
+
+
+def _unit(name: str) -> str:
+    """The unit of a column: in brackets, else the name's last word."""
+    bracketed = re.search(r"[\[(]\s*(\w+)\s*[\])]", name)
+    return bracketed[1].lower() if bracketed else (words_of(name) or [""])[-1]

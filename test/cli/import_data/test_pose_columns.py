@@ -1,0 +1,97 @@
+"""Columns of a pose are found by the names that programs give them, in their units, and those of one body among several."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import contact_curation as cc
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.storage.datasets.pose_columns import ColumnsError, columns_of
+from contact_curation.storage.datasets.pose_table import PoseTable
+from test.cli.commands import Cli
+from test.cli.import_data.test_poses import check_same
+from test.storage.pose_text import board_poses, text
+
+NAMED = {
+    "time,posX,posY,posZ,rotX,rotY,rotZ,rotW": 1.0,
+    "Time,PositionX,PositionY,PositionZ,QuatX,QuatY,QuatZ,QuatW": 1.0,
+    "time,x_pos,y_pos,z_pos,x_quat,y_quat,z_quat,w_quat": 1.0,
+    "time,x_mm,y_mm,z_mm,qx,qy,qz,qw": 1e-3,
+    "time,x_m,y_m,z_m,qx,qy,qz,qw": 1.0,
+    "time,x [millimeter],y [millimeter],z [millimeter],qx,qy,qz,qw": 1e-3,
+    "time,x (in),y (in),z (in),qx,qy,qz,qw": 0.0254,
+    "t,cube_x,cube_y,cube_z,cube_qx,cube_qy,cube_qz,cube_qw": 1.0,
+}
+
+
+@pytest.mark.parametrize("header", NAMED)
+def test_names_and_units_that_programs_write_are_known(header: str) -> None:
+    found = columns_of(header.split(","))
+    assert (found.time, found.pose, found.length) == (0, (1, 2, 3, 7, 4, 5, 6), NAMED[header])
+
+
+def test_of_several_times_the_one_of_the_pose_is_taken() -> None:
+    pose = ["x", "y", "z", "qx", "qy", "qz", "qw"]
+    assert columns_of(["recv_time", "time", *pose]).time == 1
+    assert columns_of(["time", "header.stamp", *pose]).time == 1
+    assert columns_of(["ball/stamp", "cube/stamp", *names("cube")]).time == 1
+
+
+def names(body: str) -> list[str]:
+    return [f"{body}/{name}" for name in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+
+
+def test_of_several_bodies_the_wanted_one_is_taken() -> None:
+    several = ["time", *names("ball"), *names("my cube 2")]
+    assert columns_of(several, "my_cube_2").pose == (8, 9, 10, 14, 11, 12, 13)
+    with pytest.raises(ColumnsError, match="poses of several: ball, my cube 2, none or several of them of brick"):
+        columns_of(several, "brick")
+
+
+def test_a_position_of_one_body_and_an_orientation_of_another_are_no_pose() -> None:
+    mixed = ["time", "ball.pos.x", "ball.pos.y", "ball.pos.z", *names("cube")[3:]]
+    with pytest.raises(ColumnsError, match=r"different names \(ball\.pos\.x, cube/qw\)"):
+        columns_of(mixed, "cube")
+
+
+def test_motive_s_export_with_markers_units_and_several_bodies_is_read(cli: Cli, golden_bag: Path, tmp_path: Path) -> None:
+    """The export as it is by default: markers beside each body, and the unit of lengths in the first line."""
+    rows = [line.split(",") for line in text("motive", board_poses(golden_bag)).splitlines()]
+    head, blank, kinds, named, numbers, axes, *frames = rows
+    head += ["Length Units", "Millimeters", "Coordinate Space", "Global"]
+    marker = [["Rigid Body Marker"] * 3, ["{}:Marker1"] * 3, ["Position"] * 3, ["X", "Y", "Z"]]
+    made = [head, blank]
+    for line, of_marker in zip((kinds, named, numbers, axes), marker, strict=True):
+        body = line[2:]
+        ball = [cell.replace("cube", "ball") for cell in body]
+        made.append(
+            [*line[:2], *ball, *(one.format("ball") for one in of_marker), *body, *(one.format("cube") for one in of_marker)]
+        )
+    for frame in frames:
+        body = [*frame[2:6], *(str(1e3 * float(value)) for value in frame[6:9]), frame[9]]
+        made.append([*frame[:2], "0", "0", "0", "1", "5", "6", "7", "0.1", "1", "2", "3", *body, "", "", ""])
+    (tmp_path / "take.csv").write_text("\n".join(",".join(line) for line in made))
+    done = cli("import", "poses", tmp_path / "take.csv", "--up", "y", "--out", tmp_path / "take.mcap")
+    assert (done.status, done.err) == (0, "")
+    check_same(cc.read(tmp_path / "take.mcap", CONTACTNETS_CUBE), cc.read(golden_bag, CONTACTNETS_CUBE))
+
+
+def test_rows_of_other_bodies_are_left_out_and_counted(cli: Cli, tmp_path: Path) -> None:
+    lines = [f"{row // 2},{'ball' if row % 2 else 'cube'},{row % 2},0,1,0,0,0,1" for row in range(20)]
+    (tmp_path / "poses.csv").write_text("\n".join(["time,name,x,y,z,qx,qy,qz,qw", *lines]))
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json")
+    assert (done.status, done.json["poses"]) == (0, 10)
+    assert done.json["left_out"] == [f"{tmp_path / 'poses.csv'}: left out 10 rows of other bodies than cube"]
+    assert all(np.array(pose.position)[0] == 0.0 for _, pose in PoseTable(tmp_path / "poses.csv", body="cube"))
+
+
+def test_rows_of_several_bodies_none_of_them_the_wanted_one_are_refused(cli: Cli, tmp_path: Path) -> None:
+    lines = [f"{row // 2},{3 + row % 2},{row % 2},0,1,0,0,0,1" for row in range(20)]
+    (tmp_path / "poses.csv").write_text("\n".join(["time,tag_id,x,y,z,qx,qy,qz,qw", *lines]))
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap")
+    assert (done.status, done.err.count("\n")) == (1, 1)
+    assert "found poses of 3, 4 in column 'tag_id', none of them cube's; name the body (--body-name)" in done.err
+    numbered = [f"{row},{row},0,0,1,0,0,0,1" for row in range(20)]
+    (tmp_path / "poses.csv").write_text("\n".join(["time,id,x,y,z,qx,qy,qz,qw", *numbered]))
+    assert cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json").json["poses"] == 20
