@@ -30,8 +30,8 @@ NEAR = 25.0
 """Degrees: up to so much the best turn of the real tosses may be away from none by chance."""
 
 BETTER, CERTAIN = 1.25, 2.0
-"""Times the smaller median error; standard errors by which more than half of the impacts must be explained better. None of 776
-draws of 8 to 32 real tosses is, and of mirrored ones 57, 89 and 98 % with 8, 16 and 32 tosses."""
+"""Times the smaller median error; standard errors by which more than half of the impacts must be explained better
+(`python -m benchmarks.data.half_converted`)."""
 
 
 class OtherFrame(NamedTuple):
