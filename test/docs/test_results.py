@@ -328,7 +328,7 @@ def test_the_differences_to_system_identification_are_those_of_the_stored_table(
     for table in re.findall(r"^\| body \| tosses \| begun \|.*?\n\n", text, re.DOTALL | re.MULTILINE):
         for line in table.strip().splitlines()[2:]:
             body, size, begun, *cells = (cell.strip() for cell in line.strip("|").split("|"))
-            rule, minus = {"described": ("sysid", "ours"), "random": ("sysid-cold", "ours-cold")}[begun]
+            rule, minus = {"given": ("sysid", "ours"), "random": ("sysid-cold", "ours-cold")}[begun]
             for measure, cell in zip(AGAINST, cells, strict=False):
                 row = found[float(size), body, rule, minus, measure]
                 said = [float(number) for number in re.findall(r"[+-]?[0-9.]+", cell)]
@@ -515,7 +515,7 @@ def certain_by_students(name: str, rule: str) -> int:
 
 
 def test_by_students_t_so_many_means_are_certain_as_the_page_says() -> None:
-    told = re.search(r"in (\d+) of\s+80 means at the fit\s+and in (\d+) of 40 from theta_0, `log-det` in (\d+) and (\d+)\.",
+    told = re.search(r"in (\d+) of\s+80 means at the fit\s+and in (\d+) of 40 from theta_0,\s+`log-det` in (\d+) and (\d+)\.",
                      PAGE.read_text())  # fmt: skip
     assert told
     counts = [
