@@ -3,12 +3,18 @@
 import json
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
 
-from contact_curation.configs import accepted_range, check_not_negative, check_positive, field_of, with_fields
+from contact_curation.cli.options.settings import with_settings
+from contact_curation.configs import accepted_range, changed_fields, check_not_negative, check_positive, field_of, with_fields
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.errors import InvalidValueError
+from contact_curation.motion.calibration import RigCalibration
+from contact_curation.solver.cone_problem import Cone
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,22 @@ def test_fields_that_are_sound_together_only_are_changed_together() -> None:
     assert (changed.inner.low, changed.inner.high, changed.name) == (5.0, 6.0, "b")
     with pytest.raises(InvalidValueError):
         with_fields(Outer(), {"inner.low": 5.0})
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        (Outer(Inner(free=0.1 + 0.2), "b"), ["of.inner.free=0.30000000000000004", "of.name=b"]),
+        (LossConfig(balanced=False, cone=Cone.POLYHEDRAL), ["of.cone=polyhedral", "of.balanced=false"]),
+        (PoseTopicConfig(array_index=2), ["of.array_index=2"]),
+        (RigCalibration(normal=(0.0, 0.6, 0.8)), ["of.normal=0.0,0.6,0.8"]),
+    ],
+)
+def test_fields_that_are_changed_are_said_as_options_take_them(changed: Any, words: list[str]) -> None:
+    default = type(changed)()
+    assert list(changed_fields(changed, default, "of.")) == words
+    assert list(changed_fields(default, default, "of.")) == []
+    assert with_settings({"of": default}, words) == {"of": changed}
 
 
 @pytest.mark.parametrize(("path", "accepted"), [("share", (0.0, 1.0)), ("count", (1.0, 1e9)), ("free", None)])

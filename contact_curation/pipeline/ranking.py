@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from contact_curation.configs import changed_fields
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import Curation
 from contact_curation.information.network.score_folder import ScoreFolder
@@ -17,6 +19,7 @@ from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, copies_in_
 from contact_curation.pipeline.tosses import Tosses
 from contact_curation.pipeline.workers import Engine, LocalEngine, Progress, processes_for, silent
 from contact_curation.solver.compiled import load_kernel
+from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.manifest.manifest import Diagnostic, Manifest
 from contact_curation.storage.manifest.ranked import ranked_manifest
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
@@ -105,6 +108,15 @@ def rank_tosses(
     return RankedTosses(manifest, curation, pool, warnings, kept, config.pool.reading, reasons)
 
 
+def _settings(config: RankConfig) -> tuple[str, ...]:
+    """What is not as it is by default, as `--set` takes it; the number of threads changes nothing."""
+    inputs, defaults = config.pool.reading.inputs, InputsConfig()
+    loss = replace(config.pool.scoring.loss, threads=DEFAULT_LOSS.threads)
+    stages = {name: (getattr(inputs, name), getattr(defaults, name)) for name in ("poses", "segmenter", "rig", "gates")}
+    stages |= {"loss": (loss, DEFAULT_LOSS), "ranking": (config.ranking, RankingConfig())}
+    return tuple(word for stage, (own, other) in stages.items() for word in changed_fields(own, other, f"{stage}."))
+
+
 def _manifest(config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None) -> Manifest:
     """Every toss, and how the ranking was made."""
     scorers = config.pool.scorers(scored.bounds, jobs=1)
@@ -121,6 +133,7 @@ def _manifest(config: RankConfig, scored: ScoredPool, pool: TossPool, curation: 
         command=config.command,
         body=config.pool.reading.body.to_mapping(),
         inputs=tuple(InputProvenance(reading.path, reading.sha256, reading.warnings) for reading in readings),
+        settings=_settings(config),
     )
     network = asdict(config.pool.network) if config.pool.of_weights else None
     others: dict[str, Diagnostic] = {"form": config.pool.form, "network": network}

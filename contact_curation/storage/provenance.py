@@ -95,6 +95,8 @@ class RunProvenance:
         command: the command line, word by word; empty if the library was called.
         inputs: the recordings, in the order in which they were read.
         body: tossed body, as `Body.to_mapping` gives it; None if it is not known.
+        settings: of reading, loss and ranking, where they are not the defaults, as `--set` takes them; empty for a ranking by
+            nodes.
     """
 
     criterion: str
@@ -108,3 +110,4 @@ class RunProvenance:
     command: tuple[str, ...]
     inputs: tuple[InputProvenance, ...]
     body: dict[str, Any] | None = None
+    settings: tuple[str, ...] = ()

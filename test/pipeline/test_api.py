@@ -350,7 +350,11 @@ def test_settings_have_the_names_that_the_command_takes(cli: Cli, golden_bag: Pa
     done = cli("rank", golden_bag, *words, "--json")
     found = cc.read(golden_bag, body, config=settings)
     assert len(found.rejected) > 3
-    assert json.loads(json.dumps(cc.rank(found).document()["tosses"])) == json.loads(done.out)["tosses"]
+    ranked = cc.rank(found)
+    assert json.loads(json.dumps(ranked.document()["tosses"])) == json.loads(done.out)["tosses"]
+    assert ranked.manifest.run.settings == ("rig.scale=1.01", "gates.rest_tilt=0.0004")  # the normal is as it is by default
+    again = cli("rank", golden_bag, *(f"--set={word}" for word in ranked.manifest.run.settings), "--json")
+    assert json.loads(again.out)["tosses"] == json.loads(done.out)["tosses"]
 
 
 def test_a_training_goes_on_from_a_model_in_memory_as_from_its_file(

@@ -57,6 +57,8 @@ def _lines(form: str, body: Body, manifest: Manifest) -> Iterator[str]:
     yield f"| selected by | criterion {run.criterion}, estimator {run.estimator or 'none'}, seed {run.seed} |"
     yield f"| at the parameters | {run.model}, {run.parameters} (version {run.parameters_version}) |"
     yield f"| ranked with | contact_curation {run.package_version}; exported with {__version__} |"
+    if run.settings:
+        yield f"| settings | `{_cell(' '.join(run.settings))}` |"
     yield f"| command | `{_cell(shlex.join(run.command))}` |" if run.command else "| command | none: ranked from Python |"
     yield from (f"| license | {FILL_IN} |", f"| contact | {FILL_IN} |", "")
     yield from ("## Source recordings", "", "| file | SHA-256 | tosses |", "|---|---|---|")

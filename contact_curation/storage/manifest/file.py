@@ -399,9 +399,9 @@ def read_manifest(path: Path) -> Manifest:
 
 def manifest_of(head: Mapping[str, Any], rows: Iterable[ManifestRow]) -> Manifest:
     """Makes a manifest from a head and rows, as the readers of the formats return them."""
-    run = {field.name: head[field.name] for field in fields(RunProvenance) if field.name != "body"}
+    run = {field.name: head[field.name] for field in fields(RunProvenance) if field.name not in ("body", "settings")}
     inputs = tuple(InputProvenance(**{**entry, "losses": tuple(entry["losses"])}) for entry in head["inputs"])
-    run["body"] = head.get("body")  # older manifests have none
+    run["body"], run["settings"] = head.get("body"), tuple(head.get("settings", ()))  # older manifests have none
     if type(run["body"]) not in (dict, NoneType):
         raise ValueError(f"body: found {repr(run['body'])[:40]}, expected the values of a body by name")
     run.update(command=tuple(head["command"]), inputs=inputs, influence_bound=_with_numbers(head["influence_bound"]))

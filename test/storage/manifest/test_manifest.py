@@ -45,6 +45,7 @@ RUN = RunProvenance(
     package_version="0.1.0",
     command=("rank", "a bag.mcap", "--top", "2"),
     inputs=(InputProvenance("a bag.mcap", "ab" * 32, ("cut short at byte 7",)), InputProvenance("b.mcap", "cd" * 32)),
+    settings=("gates.depth=0.01", "poses.topic=/cube"),
 )
 RANKED = ManifestRow(
     toss_id="cube-1-ab",
