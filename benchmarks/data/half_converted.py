@@ -43,7 +43,7 @@ CHANGES = {
 }
 
 
-def pools(sets: int, largest: int) -> Iterator[tuple[str, list[tuple[Body, Sequence[Toss]]]]]:
+def pools(sets: int, largest: int) -> Iterator[tuple[str, Sequence[tuple[Body, Sequence[Toss]]]]]:
     """Name, and for each of some sets a body and tosses to draw from."""
     benches = [bench_of(REAL, seed) for seed in range(sets)]
     yield "real cube", [(one.body, (*one.training, *one.held_out)) for one in benches]
