@@ -149,13 +149,13 @@ def changed_fields(config: Any, default: Any, prefix: str) -> Iterator[str]:
     """The fields with another value than in a config of the same class, `gates.depth=0.01` for the prefix `gates.`."""
     for field, before in zip(fields_of(config, prefix), fields_of(default, prefix), strict=True):
         if field.default != before.default:
-            yield f"{field.path}={_in_a_word(field.default)}"
+            yield f"{field.path}={word_of(field.default)}"
 
 
-def _in_a_word(value: Any) -> str:
+def word_of(value: Any) -> str:
     """A value as `parsed` takes it."""
-    if isinstance(value, tuple):
-        return ",".join(map(_in_a_word, value))
+    if isinstance(value, tuple | list):
+        return ",".join(map(word_of, value))
     plain = value.value if isinstance(value, Enum) else value
     return str(plain).lower() if plain is None or isinstance(plain, bool) else str(plain)
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from contact_curation.configs import word_of
 from contact_curation.contact.body import Body
 from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
@@ -194,11 +195,7 @@ def _differences(own: str, stored: str, path: str) -> Iterator[tuple[str, str]]:
             yield from _differences(json.dumps(one[name]), json.dumps(other[name]), inner)
     elif one != other:
         start = f"{path}=" if path else ""
-        yield start + _in_words(one), start + _in_words(other)
-
-
-def _in_words(value: Any) -> str:
-    return "none" if value is None else value if isinstance(value, str) else json.dumps(value)
+        yield start + word_of(one), start + word_of(other)
 
 
 def _described(tosses: Sequence[Toss]) -> str:
