@@ -91,12 +91,13 @@ DEFAULT_SAFETY = SafetyConfig()
 
 @dataclass(frozen=True)
 class _Limit:
-    """One limit, as numbers of executions: they keep it while lowest <= value <= highest."""
+    """One limit, as numbers of executions: they keep it while lowest <= value <= highest; `missing` says that there is none."""
 
     name: str
     unit: str
     lowest: float = -np.inf
     highest: float = np.inf
+    missing: str = "none"
 
     def refusal(self, values: Array, share: float) -> str | None:
         """Why executions with these values are too often outside; None when they are not."""
@@ -105,7 +106,7 @@ class _Limit:
             return None
         value = float(np.median(values[outside]))  # not a number where one of them is none
         expected = f"at least {self.lowest:.4g}" if value < self.lowest else f"at most {self.highest:.4g}"
-        found = "none" if np.isnan(value) else f"{value:.4g} {self.unit}"  # e.g. no rest of a body that rolls
+        found = self.missing if np.isnan(value) else f"{value:.4g} {self.unit}"
         return f"{self.name}: found {found} in {outside.mean():.1%} of executions, expected {expected}"
 
 
@@ -150,7 +151,7 @@ class SafetySet:
     ) -> tuple[str | None, ...]:
         """As `motion_refusals`, of throws with the motions of some executions of each at hand, one throw after the other."""
         values = [each.reshape(-1, executions) for each in _motion_values(self, particle, motions, config)]
-        return tuple(self._worst(_motion_limits(self.config), values))
+        return tuple(self._worst(_motion_limits(self.config, config), values))
 
     def thrower_refusals(self, throws: Sequence[Throw]) -> tuple[str | None, ...]:
         """Why the thrower cannot make releases.
@@ -193,10 +194,11 @@ def _release_values(body: Body, executed: Array) -> tuple[Array, ...]:
     return speeds, spins, heights, energy, heights + up**2 / (2.0 * body.gravity), lowest
 
 
-def _motion_limits(config: SafetyConfig) -> tuple[_Limit, ...]:
+def _motion_limits(config: SafetyConfig, forecast: PredictionConfig) -> tuple[_Limit, ...]:
+    none = f"none within {forecast.longest:g} s (--set forecast.longest=SECONDS)"  # e.g. no rest of a body that rolls
     return (
-        _Limit("flight", "s", config.shortest_flight),
-        _Limit("rest", "m from the board's middle", highest=config.board_half_width),
+        _Limit("flight", "s", config.shortest_flight, missing=none),
+        _Limit("rest", "m from the board's middle", highest=config.board_half_width, missing=none),
         _Limit("distance to the thrower", "m", config.keep_out_radius),
     )
 

@@ -5,7 +5,9 @@ Near theta the loss of tosses S is lowest at theta + d_S, one Newton step away:
     d_S = (A0 + sum_S F)^-1 sum_S s                                          F Fisher matrices, s scores
 
 In coordinates where the pool's mean toss is the identity all directions count by how sharply the pool knows them, and what
-the scores of single tosses scatter by, sigma, is the natural unit: k tosses drawn at random come out sigma / sqrt k off.
+the scores of single tosses scatter by, sigma, is the natural unit: k tosses of which each knows as much as the average come
+out sigma sqrt(1 / k - 1 / N) off. Real tosses know of few directions each, and sets that miss one are much further off, so that
+a selected set is compared with subsets that are drawn.
 """
 
 from collections.abc import Sequence
@@ -17,6 +19,9 @@ import numpy as np
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices, Pool
 
+DRAWN = 32
+"""Random subsets of the same size, of which the median is taken."""
+
 NEGLIGIBLE = 1e-9
 """Scores that scatter by less than this share of their mean square say the same."""
 
@@ -27,7 +32,7 @@ class OptimumShift:
 
     Attributes:
         distance: root mean square over the directions of d_S - d, in units of sigma; 0 where no toss moves the optimum.
-        at_random: expected for random subsets of the same size, if each toss knew as much as the average.
+        at_random: the median over random subsets of the same size.
     """
 
     distance: float
@@ -108,13 +113,17 @@ class PoolScores:
 def optimum_shift(pool: Pool, coordinates: Array, selected: Sequence[int] | Indices, prior: float) -> OptimumShift:
     """Of k >= 1 tosses of a pool; the other arguments as in `PoolScores.of`."""
     known = PoolScores.of(pool, coordinates, prior)
-    rows = (pool.stacked(selected) @ coordinates).reshape(-1, coordinates.shape[1])
-    matrix = prior * np.eye(rows.shape[1]) + rows.T @ rows
-    off = np.linalg.solve(matrix, known.scores[selected].sum(axis=0)) - known.shift
-    return OptimumShift(
-        distance=float(np.sqrt(np.square(off).mean())),
-        at_random=float(np.sqrt(known.scatter * (1.0 / len(selected) - 1.0 / len(pool)))),
-    )
+    rng = np.random.default_rng(0)
+    drawn = (np.sort(rng.choice(len(pool), len(selected), replace=False)) for _ in range(DRAWN))
+    at_random = [_distance(pool, coordinates, known, subset) for subset in drawn]
+    return OptimumShift(_distance(pool, coordinates, known, selected), float(np.median(at_random)))
+
+
+def _distance(pool: Pool, coordinates: Array, known: PoolScores, chosen: Sequence[int] | Indices) -> float:
+    rows = (pool.stacked(chosen) @ coordinates).reshape(-1, coordinates.shape[1])
+    matrix = known.prior * np.eye(rows.shape[1]) + rows.T @ rows
+    off = np.linalg.solve(matrix, known.scores[chosen].sum(axis=0)) - known.shift
+    return float(np.sqrt(np.square(off).mean()))
 
 
 def _score_sums(pool: Pool) -> Array:

@@ -329,7 +329,7 @@ def _evidence(ranked: RankedTosses) -> Iterator[str]:
     shift = curation.optimum_shift
     yield (
         f"the estimate from the selected tosses is {shift.distance:.3g} from the full-data estimate, "
-        f"expected for random subsets of the same size: {shift.at_random:.3g} (1 is the scatter of single tosses)"
+        f"half of all random subsets of the same size are within {shift.at_random:.3g} (1 is the scatter of single tosses)"
     )
     certificate = curation.ranking.certificate
     if certificate:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from contact_curation.design.execution_noise import ExecutionNoise, NoiseConfig
+from contact_curation.design.predicted_information import PredictionConfig
 from contact_curation.design.safety import DEFAULT_SAFETY, SafetyConfig, SafetySet
 from contact_curation.design.throw import Throw, throw_of_state
 from contact_curation.errors import InvalidValueError
@@ -101,7 +102,16 @@ def test_a_body_that_does_not_come_to_rest_is_refused() -> None:
     fast = with_value(SPEED, 9.0)
     found = motion_refusal(fast, replace(FEW, board_half_width=99.0))
     assert found is not None
-    assert found.startswith("rest: found none in ")
+    assert found.startswith("rest: found none within 0.9 s (--set forecast.longest=SECONDS) in ")
+
+
+def test_a_motion_that_ends_later_than_is_predicted_names_the_setting_with_which_it_is_seen() -> None:
+    moon = replace(CUBE, gravity=1.62)
+    particle, safety = replace(PARTICLE, body=moon), SafetySet(moon, replace(FEW, board_half_width=99.0), QUIET)
+    (found,) = safety.motion_refusals(particle, LEVEL[None])
+    assert found is not None
+    assert "(--set forecast.longest=SECONDS)" in found
+    assert safety.motion_refusals(particle, LEVEL[None], PredictionConfig(longest=5.0)) == (None,)
 
 
 @pytest.mark.parametrize(("deviations", "refused"), [(2.0, True), (3.0, False)])

@@ -54,9 +54,8 @@ def contactnets_rows(toss: Toss, body: Body) -> Array:
     """
     rate = 1.0 / toss.frame_period
     if abs(rate / FRAME_RATE - 1.0) > LARGEST_RATE_ERROR:
-        raise InvalidValueError(
-            f"frame rate of toss {toss.toss_id}", f"{rate:.4g} Hz", f"{FRAME_RATE:g} Hz, as which ContactNets' files are read"
-        )
+        expected = f"{FRAME_RATE:g} Hz, as which ContactNets' files are read; --format lerobot takes other rates"
+        raise InvalidValueError(f"frame rate of toss {toss.toss_id}", f"{rate:.4g} Hz", expected)
     states = states_of(of_tracked_frame(toss, body), body.length_scale)
     return np.concatenate([states, np.zeros((toss.frames, COLUMNS - CONTROL.start))], axis=1)
 
