@@ -272,7 +272,9 @@ class StampEvener:
 
     def _begun(self) -> list[BodyPose | BadPose]:
         """Passes a stream that begins evenly, or begins a line."""
-        if len(self._held) > LOOK and self._begins_evenly():
+        if len(self._held) <= LOOK:
+            return []
+        if self._begins_evenly():
             return self._pass(self._as_they_are())
         if not self._holds(AHEAD if self._period else LOCK):
             return []

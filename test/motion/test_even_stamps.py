@@ -112,6 +112,15 @@ def test_even_stamps_and_those_of_the_real_rig_stay_as_they_are() -> None:
         assert (ingest.stamps_done, ingest.counts["evened"]) == ("", 0)
 
 
+@pytest.mark.parametrize("rate", [60.0, 90.0])
+@pytest.mark.parametrize("seen", [10, 15, 16, 17])
+def test_even_stamps_stay_as_they_are_after_a_pause_that_comes_early(rate: float, seen: int) -> None:
+    """A part of a recording may begin shortly before one."""
+    period_ns = 1e9 / rate
+    poses = [BodyPose(round(period_ns * (n + (120 if n >= seen else 0))), one.pose) for n, one in enumerate(throws(rate, 1))]
+    assert [one.stamp_ns for one in evened(poses)] == [one.stamp_ns for one in poses]
+
+
 def test_even_stamps_wait_for_nothing_once_the_stream_has_begun() -> None:
     evener = StampEvener("cube")
     given = [len(evener.push(one)) for one in throws(148.0)]
