@@ -36,8 +36,8 @@ ROUNDS = 3
 SEEN = 1e-9
 """Share of the largest eigenvalue: along smaller ones nothing is seen, as along the axis of a motion in a plane."""
 
-CERTAIN = 16.3
-"""The 99.9 % quantile of chi-squared with 3 degrees of freedom: a smaller squared deviation from 0 may be chance."""
+UNKNOWNS, CERTAIN = 6, 0.999
+"""Of a and d; and the share of squared deviations from 0 by chance that are smaller than one that is taken for certain."""
 
 
 class MassCentre(NamedTuple):
@@ -80,8 +80,14 @@ class MassCentre(NamedTuple):
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether it is certainly not at the origin of the poses."""
-        return float(self.place @ np.linalg.pinv(self.covariance, rcond=SEEN, hermitian=True) @ self.place) > CERTAIN
+        """Whether it is certainly not at the origin of the poses, by Hotelling's test: of few flights the covariance is a guess."""
+        from scipy.special import fdtri  # takes a quarter of a second to import
+
+        freedom = self.flights - UNKNOWNS
+        if freedom < 3:
+            return False
+        squared = float(self.place @ np.linalg.pinv(self.covariance, rcond=SEEN, hermitian=True) @ self.place)
+        return squared > 3.0 * freedom / (freedom - 2) * float(fdtri(3, freedom - 2, CERTAIN))
 
 
 class Fall(NamedTuple):
@@ -101,7 +107,7 @@ def mass_centre(survey: Survey) -> MassCentre | None:
     equations = [one for flight in flights if (one := _equations(survey.series[flight.series], flight)) is not None]
     if len(equations) < FEWEST_FLIGHTS:
         return None
-    found = least_squares(equations, 6)
+    found = least_squares(equations, UNKNOWNS)
     if found is None:
         return None
     values, covariance, used = found
