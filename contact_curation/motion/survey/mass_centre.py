@@ -80,7 +80,7 @@ class MassCentre(NamedTuple):
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether it is certainly not at the origin of the poses, by Hotelling's test: few flights tell little of the covariance."""
+        """Whether it is certainly not at the origin of the poses; by Hotelling's test, as of few flights it is hard to tell."""
         from scipy.special import fdtri  # takes a quarter of a second to import
 
         freedom = self.flights - UNKNOWNS
