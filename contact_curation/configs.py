@@ -145,7 +145,7 @@ def fields_of(config: Any, prefix: str = "") -> Iterator[ConfigField]:
             yield ConfigField(f"{prefix}{field.name}", kinds[field.name], value, said, field.metadata.get("range"))
 
 
-def changed_fields(config: Any, default: Any, prefix: str) -> Iterator[str]:
+def changed_fields(config: Any, default: Any, prefix: str = "") -> Iterator[str]:
     """The fields with another value than in a config of the same class, `gates.depth=0.01` for the prefix `gates.`."""
     for field, before in zip(fields_of(config, prefix), fields_of(default, prefix), strict=True):
         if field.default != before.default:

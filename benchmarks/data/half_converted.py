@@ -25,7 +25,9 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.survey.one_frame import other_frame
 from contact_curation.motion.toss import Toss
 
-REAL, SIMULATED = "cube", ("slab", "wedge", "irregular")
+BENCHES = {"real cube": ("cube",), "slab, wedge, irregular": ("slab", "wedge", "irregular")}
+"""Bodies of the experiments."""
+
 RATES, SOFTNESS, DAMPING = (60.0, 90.0, 148.0, 250.0), (2.0, 8.0), (0.3, 1.0)
 """Of worlds of random bodies: frames per second, time constants [ms], and damping ratios of contacts."""
 
@@ -45,10 +47,9 @@ CHANGES = {
 
 def pools(sets: int, largest: int) -> Iterator[tuple[str, Sequence[tuple[Body, Sequence[Toss]]]]]:
     """Name, and for each of some sets a body and tosses to draw from."""
-    benches = [bench_of(REAL, seed) for seed in range(sets)]
-    yield "real cube", [(one.body, (*one.training, *one.held_out)) for one in benches]
-    others = [bench_of(SIMULATED[seed % len(SIMULATED)], seed) for seed in range(sets)]
-    yield "slab, wedge, irregular", [(one.body, (*one.training, *one.held_out)) for one in others]
+    for name, bodies in BENCHES.items():
+        benches = [bench_of(bodies[seed % len(bodies)], seed) for seed in range(sets)]
+        yield name, [(one.body, (*one.training, *one.held_out)) for one in benches]
     for rate in RATES:
         drawn = []
         for number in range(sets):

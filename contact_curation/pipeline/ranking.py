@@ -110,11 +110,12 @@ def rank_tosses(
 
 def _settings(config: RankConfig) -> tuple[str, ...]:
     """What is not as it is by default, as `--set` takes it; the number of threads changes nothing."""
-    inputs, defaults = config.pool.reading.inputs, InputsConfig()
     loss = replace(config.pool.scoring.loss, threads=DEFAULT_LOSS.threads)
-    stages = {name: (getattr(inputs, name), getattr(defaults, name)) for name in ("poses", "segmenter", "rig", "gates")}
-    stages |= {"loss": (loss, DEFAULT_LOSS), "ranking": (config.ranking, RankingConfig())}
-    return tuple(word for stage, (own, other) in stages.items() for word in changed_fields(own, other, f"{stage}."))
+    return (
+        *changed_fields(config.pool.reading.inputs, InputsConfig()),
+        *changed_fields(loss, DEFAULT_LOSS, "loss."),
+        *changed_fields(config.ranking, RankingConfig(), "ranking."),
+    )
 
 
 def _manifest(config: RankConfig, scored: ScoredPool, pool: TossPool, curation: Curation | None) -> Manifest:

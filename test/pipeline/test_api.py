@@ -352,7 +352,7 @@ def test_settings_have_the_names_that_the_command_takes(cli: Cli, golden_bag: Pa
     assert len(found.rejected) > 3
     ranked = cc.rank(found)
     assert json.loads(json.dumps(ranked.document()["tosses"])) == json.loads(done.out)["tosses"]
-    assert ranked.manifest.run.settings == ("rig.scale=1.01", "gates.rest_tilt=0.0004")  # the normal is as it is by default
+    assert ranked.manifest.run.settings == ("gates.rest_tilt=0.0004", "rig.scale=1.01")  # the normal is as it is by default
     again = cli("rank", golden_bag, *(f"--set={word}" for word in ranked.manifest.run.settings), "--json")
     assert json.loads(again.out)["tosses"] == json.loads(done.out)["tosses"]
 

@@ -168,11 +168,19 @@ def _check_identity(expected: Mapping[str, str], notes: Mapping[str, str], sourc
         if name not in notes:
             raise UnreadableInputError(source, f"says not which {name} it belongs to, expected a checkpoint of `train`")
         path, stored = (STAGE, _protocol_of(notes[name], source)) if name == PROTOCOL else ("", notes[name])
-        differences = list(_differences(value, stored, path))
+        differences = list(_differences(_document(value), _document(stored), path))
         if differences:
             found, wanted = (" ".join(texts) for texts in zip(*differences, strict=True))
             how = ": add " + " ".join(f"--set {text}" for _, text in differences) if path else ""
             raise InvalidValueError(f"{name} of the training to go on with", found, f"{wanted} as in {source}{how}")
+
+
+def _document(text: str) -> Any:
+    """What a note has as JSON; other notes are texts."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
 
 
 def _protocol_of(text: str, source: Path | str) -> str:
@@ -183,19 +191,14 @@ def _protocol_of(text: str, source: Path | str) -> str:
         raise UnreadableInputError(source, f"holds no protocol ({type(error).__name__}: {error})") from error
 
 
-def _differences(own: str, stored: str, path: str) -> Iterator[tuple[str, str]]:
-    """Two texts that differ; of JSON objects each setting that both have, as `--set` takes it."""
-    try:
-        one, other = json.loads(own), json.loads(stored)
-    except ValueError:
-        one, other = own, stored
-    if isinstance(one, dict) and isinstance(other, dict):
-        for name in sorted(one.keys() & other.keys()):
-            inner = f"{path}.{name}" if path else name
-            yield from _differences(json.dumps(one[name]), json.dumps(other[name]), inner)
-    elif one != other:
+def _differences(own: Any, stored: Any, path: str) -> Iterator[tuple[str, str]]:
+    """Two values that differ; of JSON objects each setting that both have, as `--set` takes it."""
+    if isinstance(own, dict) and isinstance(stored, dict):
+        for name in sorted(own.keys() & stored.keys()):
+            yield from _differences(own[name], stored[name], f"{path}.{name}" if path else name)
+    elif own != stored:
         start = f"{path}=" if path else ""
-        yield start + word_of(one), start + word_of(other)
+        yield start + word_of(own), start + word_of(stored)
 
 
 def _described(tosses: Sequence[Toss]) -> str:
