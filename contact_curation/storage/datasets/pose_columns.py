@@ -16,7 +16,10 @@ KINDS = ("x", "y", "z", "qw", "qx", "qy", "qz")
 POSITION_WORDS = {"p", "t", "pos", "position", "point", "trans", "translation", "location", "xyz"}
 ORIENTATION_WORDS = {"q", "quat", "quaternion", "orient", "orientation", "rot", "rotation", "attitude"}
 WHOLE_SECONDS, NANOSECONDS_BESIDE = {"sec", "secs"}, {"nanosec", "nanosecs", "nsec", "nsecs"}
-TIME_WORDS = {"t", "time", "timestamp", "stamp", "seconds", "nanoseconds", "ns", *WHOLE_SECONDS, *NANOSECONDS_BESIDE}
+TIME_WORDS = {"t", "time", "timestamp", "stamp", "datetime", "seconds", "nanoseconds", "ns"}
+TIME_WORDS |= WHOLE_SECONDS | NANOSECONDS_BESIDE
+DATE_WORD = "date"
+"""Of a column of days, beside times of day."""
 OTHER_WORDS = {"v", "vel", "velocity", "twist", "angular", "linear", "acc", "acceleration", "cov", "covariance", "euler", "b"}
 """Of columns that are no pose: EuRoC's ground truth has velocities and biases beside it."""
 
@@ -45,22 +48,23 @@ class ColumnsError(Exception):
 
 
 class PoseColumns(NamedTuple):
-    """Where the columns are: that of times, of nanoseconds beside whole seconds, and those of `KINDS`; metres in a unit."""
+    """Where the columns are: of times, nanoseconds beside whole seconds, `KINDS`; metres in a unit; days beside times."""
 
     time: int | None
     nanoseconds: int | None
     time_unit: int | None
     pose: tuple[int, ...]
     length: float
+    date: int | None
 
     @property
     def fewest(self) -> int:
         """Values of a row with all of them."""
-        return 1 + max(at for at in (self.time, self.nanoseconds, *self.pose) if at is not None)
+        return 1 + max(at for at in (self.time, self.nanoseconds, self.date, *self.pose) if at is not None)
 
 
 class _Name(NamedTuple):
-    """What a name says: one of `KINDS` or a time, else empty; whose; and if it is certain without the others of a pose."""
+    """What a name says: one of `KINDS`, time or date, else empty; whose; and if it is certain without the others of a pose."""
 
     kind: str
     whose: tuple[str, ...] = ()
@@ -80,17 +84,19 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
     """
     told = [_told(name) for name in names]
     pose = _of_one_body(told, body) or _of_all(names, told)
-    times = [at for at, one in enumerate(told) if one.kind == "time"]
     near = set(words_of(names[pose[0]]))
-    times.sort(key=lambda at: _doubt(set(words_of(names[at])), near))
+    times, dates = (
+        sorted((at for at, one in enumerate(told) if one.kind == kind), key=lambda at: _doubt(set(words_of(names[at])), near))
+        for kind in ("time", DATE_WORD)
+    )
     length = UNITS_OF_LENGTH.get(_unit(names[pose[0]]), UNITS_OF_LENGTH.get(length_unit.lower(), 1.0))
     for at in times:
         for beside in times:
             words, others = set(words_of(names[at])), set(words_of(names[beside]))
             if words & WHOLE_SECONDS and words - WHOLE_SECONDS == others - NANOSECONDS_BESIDE:
-                return PoseColumns(at, beside, NANOSECONDS, pose, length)
-    time = times[0] if times else None
-    return PoseColumns(time, None, None if time is None else UNITS_OF_TIME.get(_unit(names[time])), pose, length)
+                return PoseColumns(at, beside, NANOSECONDS, pose, length, None)
+    time, date = next(iter([*times, *dates]), None), next(iter(dates), None)
+    return PoseColumns(time, None, None if time is None else UNITS_OF_TIME.get(_unit(names[time])), pose, length, date)
 
 
 def words_of(name: str) -> list[str]:
@@ -143,7 +149,7 @@ def _told(name: str) -> _Name:
     if axis is None and others and set(letters[1:]) <= POSITION_WORDS | ORIENTATION_WORDS:  # x_position
         others, axis = letters[1:], re.fullmatch(r"()([wxyz])", letters[0])
     if axis is None:
-        return _Name("time" if set(letters) & TIME_WORDS else "")
+        return _Name("time" if set(letters) & TIME_WORDS else DATE_WORD if DATE_WORD in letters else "")
     whose = tuple(word for word in words if word.isdigit() or word in others)
     whose = tuple(word for word in whose if word not in POSITION_WORDS | ORIENTATION_WORDS)
     if axis[1] == "q" or axis[2] == "w" or set(others) & ORIENTATION_WORDS:

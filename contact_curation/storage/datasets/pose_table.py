@@ -73,7 +73,7 @@ class PoseTable:
         self._columns = self._header()
         if rate is None and self._columns.time is None:
             raise InvalidValueError("rate", f"none, and no times in {path}", "poses in a second (--rate)")
-        if rate is not None and self._columns.time is not None:
+        if rate is not None and self._columns.time not in (None, self._columns.date):
             raise InvalidValueError("rate", f"{rate:g}, and times in {path}", "no rate where times are known")
         if rate is not None and not rate >= SLOWEST_RATE:
             raise InvalidValueError("rate", f"{rate:g}", f"at least {SLOWEST_RATE:g} poses in a second")
@@ -100,11 +100,18 @@ class PoseTable:
     def _stamp_ns(self, row: int, values: Sequence[str]) -> int:
         if self._period_ns is not None:
             return round(row * self._period_ns)
-        time, beside = (None if at is None else _time(values[at]) for at in self._columns[:2])
-        if time is None:
-            found = repr(values[self._columns.time or 0][:40])
-            raise _NoPose(f"found no time in {found}, expected a number, or a date with a time")
-        return int(time * self._unit) + (0 if beside is None else int(beside))
+        time, beside, day = (None if at is None else values[at] for at in (*self._columns[:2], self._columns.date))
+        time = time or ""
+        if (number := _time(time)) is not None:
+            return int(number * self._unit) + int((_time(beside) if beside else None) or 0)
+        seconds = _date(time)
+        if seconds is None and day is not None:
+            time = f"{day} {time}"
+            seconds = _date(time)
+        if seconds is None:
+            expected = "a number, or a date with a time such as 2026-11-28 10:00:00.0067, also in two columns"
+            raise _NoPose(f"found no time in {time[:40]!r}, expected {expected}")
+        return int(seconds * NANOSECONDS)
 
     def _pose(self, values: Sequence[str]) -> ScalarPose:
         x, y, z, qw, qx, qy, qz = (_number(values[at]) for at in self._columns.pose)
@@ -226,15 +233,16 @@ def _length_unit(before: Sequence[str], separator: str | None) -> str:
 
 
 def _time(text: str) -> Decimal | None:
-    """A time with all of its digits, a date (ISO 8601, UTC if it does not say) as seconds since 1970; None for what is none."""
+    """A time with all of its digits; None for what is no number."""
     try:
         value = Decimal(text)
     except InvalidOperation:
-        return _date(text)
+        return None
     return value if value.is_finite() and value.copy_abs() < LARGEST_TIME else None
 
 
 def _date(text: str) -> Decimal | None:
+    """A date (ISO 8601, UTC if it does not say) as seconds since 1970; None for what is none."""
     try:
         date = datetime.fromisoformat(text)
     except ValueError:
