@@ -163,7 +163,11 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
         ("[" * 60_000 + "\n" + "1 2 3 4 5 6 7 8\n" * 5, [], "found no column of x, y, z, qw, qx, qy, qz in [[["),
         ("1 2 3\n" * 5, [], "found no numbers in the first 100 lines"),
         ("1 2 3 4 5 6 7 8 9\n", [], "found 9 columns without names; expected columns named"),
-        ("t,x,y,z,roll,pitch,yaw,flag\n1,2,3,4,5,6,7,8\n", [], "found no column of qw, qx, qy, qz in t, x, y, z, roll, pitch"),
+        (
+            "t,x,y,z,roll,pitch,yaw,flag\n1,2,3,4,5,6,7,8\n",
+            [],
+            "found angles roll, pitch, yaw, expected in which order they turn, --angles (xyz",
+        ),
         ("t,a/x,a/y,a/z,b.position.x,qx,qy,qz,qw\n" + "1," * 9, [], "found no column of x, y, z in t, a/x"),
         ("t,p.x,y,z,x,qx,qy,qz,qw\n" + "1," * 9, [], "found 2 columns of x (p.x, x); expected columns named"),
         ("x,y,z,qx,qy,qz,qw\n0,0,1,0,0,0,1\n", [], "rate: found none, and no times in"),
