@@ -43,6 +43,13 @@ def add_options(verb: OneLineParser) -> None:
     poses.add_argument("input", type=Path, metavar="FILE", nargs="+", help="a table of poses; several follow each other")
     poses.add_argument("--rate", type=positive_number, metavar="HZ", help="poses in a second, of files without times")
     poses.add_argument("--up", choices=("x", "y", "z"), default="z", help="axis of the poses' frame that points up (default z)")
+    poses.add_argument(
+        "--angles",
+        metavar="ORDER",
+        help="of orientations as three angles about x, y, z (roll, pitch, yaw): the order in which they turn, as in SciPy's "
+        "Rotation.from_euler, xyz to zyx about fixed axes or XYZ to ZYX about the body's; or rotvec, a rotation vector",
+    )
+    poses.add_argument("--angle-unit", choices=("deg", "rad"), help="unit of angles, where their names do not say it")
     _add_common_options(poses, run_poses)
     poses.set_examples(
         "contact-curation import poses mocap.csv --body brick.yaml --out session.mcap",
@@ -92,10 +99,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def run_poses(arguments: argparse.Namespace) -> int:
     """Writes the bag and prints a summary."""
+    from contact_curation.storage.datasets.orientations import AngleConvention
     from contact_curation.storage.datasets.pose_bag import import_poses
     from contact_curation.storage.datasets.pose_columns import TUM
 
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
+    angles = AngleConvention(arguments.angles or "", arguments.angle_unit or "")
     with Progress("importing", "files") as bar:
         report = import_poses(
             arguments.input,
@@ -104,9 +113,10 @@ def run_poses(arguments: argparse.Namespace) -> int:
             arguments.rate,
             arguments.up,
             advance=lambda share: bar.advance(share=share),
+            angles=angles,
         )
     unnamed = [f"{name}: columns have no names, taken as {', '.join(TUM)}" for name in report.unnamed]
-    warn([*report.left_out, *unnamed])
+    warn([*report.left_out, *unnamed, *report.assumed])
     if arguments.json:
         print_json({"out": str(arguments.out), **asdict(report)})
     else:

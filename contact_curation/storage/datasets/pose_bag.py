@@ -17,6 +17,7 @@ from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.datasets.orientations import UNTOLD, AngleConvention
 from contact_curation.storage.datasets.pose_table import PoseTable
 from contact_curation.storage.datasets.tagslam_bag import RigMessages, TagslamRig
 
@@ -46,6 +47,7 @@ class PosesReport:
         moved: number of recordings whose times were moved: they begin at 0, or before the recording before them ends.
         left_out: for each recording with rows that are no poses, a line that says how many, and why the first of them.
         unnamed: recordings whose columns have no names.
+        assumed: for each recording whose columns' names do not say all, a line that says how they were taken.
     """
 
     recordings: int
@@ -54,6 +56,7 @@ class PosesReport:
     moved: int
     left_out: tuple[str, ...]
     unnamed: tuple[str, ...]
+    assumed: tuple[str, ...]
 
 
 def import_poses(
@@ -63,6 +66,7 @@ def import_poses(
     rate: float | None = None,
     up: str = "z",
     advance: Callable[[float], None] = lambda share: None,
+    angles: AngleConvention = UNTOLD,
 ) -> PosesReport:
     """Writes tables of poses as one bag, each recording behind the one before it.
 
@@ -73,12 +77,13 @@ def import_poses(
         rate: poses in a second, of files without times.
         up: axis of the poses' frame that points up, one of `UPRIGHT`; the bag's frame has z up.
         advance: called with the share of the files that is done.
+        angles: how angles turn, of files that have them.
 
     Raises:
         UnreadableInputError: a file is no table of poses; no bag is written then.
         InvalidValueError: `out` cannot be written, times are negative, or a rate is missing or one too much.
     """
-    tables = [PoseTable(path, rate, body.name) for path in sources]
+    tables = [PoseTable(path, rate, body.name, angles) for path in sources]
     left_out = []
     with BagWriter(out) as bag:
         writer = PoseWriter(bag, body, up)
@@ -96,7 +101,8 @@ def import_poses(
             left_out += [f"{table.path}: left out {others} rows of other bodies than {body.name}"] if others else []
             advance(done / len(tables))
     unnamed = tuple(str(table.path) for table in tables if not table.named)
-    return PosesReport(writer.recordings, writer.poses, writer.seconds, writer.moved, tuple(left_out), unnamed)
+    assumed = tuple(f"{table.path}: {table.assumed}" for table in tables if table.assumed)
+    return PosesReport(writer.recordings, writer.poses, writer.seconds, writer.moved, tuple(left_out), unnamed, assumed)
 
 
 class PoseWriter:

@@ -9,21 +9,33 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.storage.datasets.orientations import ANGLES, FORMS
 
 TUM = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
-KINDS = ("x", "y", "z", "qw", "qx", "qy", "qz")
+POSITION = ("x", "y", "z")
+KINDS = {kind for form in FORMS for kind in (*POSITION, *form)}
 
 POSITION_WORDS = {"p", "t", "pos", "position", "point", "trans", "translation", "location", "xyz"}
-ORIENTATION_WORDS = {"q", "quat", "quaternion", "orient", "orientation", "rot", "rotation", "attitude"}
+QUATERNION_WORDS, ANGLE_WORDS = {"q", "quat", "quaternion"}, {"euler", "angle", "angles", "rpy", "ypr"}
+ORIENTATION_WORDS = {"orient", "orientation", "rot", "rotation", "attitude", *QUATERNION_WORDS, *ANGLE_WORDS}
+MATRIX_WORDS = {"r", "m", "rot", "rotation", "mat", "matrix", "rotmat", "dcm"}
+NAMED_ANGLES = {"roll": "ax", "pitch": "ay", "yaw": "az"}
 WHOLE_SECONDS, NANOSECONDS_BESIDE = {"sec", "secs"}, {"nanosec", "nanosecs", "nsec", "nsecs"}
-TIME_WORDS = {"t", "time", "timestamp", "stamp", "seconds", "nanoseconds", "ns", *WHOLE_SECONDS, *NANOSECONDS_BESIDE}
-OTHER_WORDS = {"v", "vel", "velocity", "twist", "angular", "linear", "acc", "acceleration", "cov", "covariance", "euler", "b"}
+TIME_WORDS = {"t", "time", "timestamp", "stamp", "datetime", "seconds", "nanoseconds", "ns"}
+TIME_WORDS |= WHOLE_SECONDS | NANOSECONDS_BESIDE
+DATE_WORD = "date"
+"""Of a column of days, beside times of day."""
+OTHER_WORDS = {"v", "vel", "velocity", "twist", "angular", "linear", "acc", "acceleration", "cov", "covariance", "b"}
 """Of columns that are no pose: EuRoC's ground truth has velocities and biases beside it."""
 
 UNITS_OF_TIME = {
     "s": NANOSECONDS, "seconds": NANOSECONDS, "secs": NANOSECONDS, "sec": NANOSECONDS,
     "ms": 1_000_000, "milliseconds": 1_000_000, "us": 1_000, "microseconds": 1_000, "ns": 1, "nanoseconds": 1,
 }  # fmt: skip
+UNITS_OF_ANGLE = {
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), "deg"),
+    **dict.fromkeys(("rad", "radian", "radians"), "rad"),
+}
 UNITS_OF_LENGTH = {
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
@@ -45,22 +57,29 @@ class ColumnsError(Exception):
 
 
 class PoseColumns(NamedTuple):
-    """Where the columns are: that of times, of nanoseconds beside whole seconds, and those of `KINDS`; metres in a unit."""
+    """Where the columns are: of times, nanoseconds beside whole seconds, position and orientation, and days beside times.
+
+    Positions have a unit of so many metres; of the orientation `form` tells what its columns are, one of `FORMS`, and
+    `angle_unit` the unit that names of angles say.
+    """
 
     time: int | None
     nanoseconds: int | None
     time_unit: int | None
     pose: tuple[int, ...]
     length: float
+    date: int | None
+    form: tuple[str, ...]
+    angle_unit: str
 
     @property
     def fewest(self) -> int:
         """Values of a row with all of them."""
-        return 1 + max(at for at in (self.time, self.nanoseconds, *self.pose) if at is not None)
+        return 1 + max(at for at in (self.time, self.nanoseconds, self.date, *self.pose) if at is not None)
 
 
 class _Name(NamedTuple):
-    """What a name says: one of `KINDS` or a time, else empty; whose; and if it is certain without the others of a pose."""
+    """What a name says: one of `KINDS`, time or date, else empty; whose; and if it is certain without the others of a pose."""
 
     kind: str
     whose: tuple[str, ...] = ()
@@ -78,19 +97,27 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
     Raises:
         ColumnsError: they tell no pose, or several.
     """
-    told = [_told(name) for name in names]
+    angles = not any(_told(name).kind == "qw" for name in names)
+    told = [_told(name, angles=angles) for name in names]
     pose = _of_one_body(told, body) or _of_all(names, told)
-    times = [at for at, one in enumerate(told) if one.kind == "time"]
+    form = tuple(told[at].kind for at in pose[len(POSITION) :])
+    units = {UNITS_OF_ANGLE.get(_unit(names[at]), "") for at in pose[len(POSITION) :]} if form == ANGLES else {""}
+    if len(units) > 1:
+        raise ColumnsError(f"angles of different units ({', '.join(names[at] for at in pose[len(POSITION) :])})")
     near = set(words_of(names[pose[0]]))
-    times.sort(key=lambda at: _doubt(set(words_of(names[at])), near))
+    times, dates = (
+        sorted((at for at, one in enumerate(told) if one.kind == kind), key=lambda at: _doubt(set(words_of(names[at])), near))
+        for kind in ("time", DATE_WORD)
+    )
     length = UNITS_OF_LENGTH.get(_unit(names[pose[0]]), UNITS_OF_LENGTH.get(length_unit.lower(), 1.0))
     for at in times:
         for beside in times:
             words, others = set(words_of(names[at])), set(words_of(names[beside]))
             if words & WHOLE_SECONDS and words - WHOLE_SECONDS == others - NANOSECONDS_BESIDE:
-                return PoseColumns(at, beside, NANOSECONDS, pose, length)
-    time = times[0] if times else None
-    return PoseColumns(time, None, None if time is None else UNITS_OF_TIME.get(_unit(names[time])), pose, length)
+                return PoseColumns(at, beside, NANOSECONDS, pose, length, None, form, *units)
+    time, date = next(iter([*times, *dates]), None), next(iter(dates), None)
+    time_unit = None if time is None else UNITS_OF_TIME.get(_unit(names[time]))
+    return PoseColumns(time, None, time_unit, pose, length, date, form, *units)
 
 
 def words_of(name: str) -> list[str]:
@@ -103,9 +130,10 @@ def _of_one_body(told: Sequence[_Name], body: str) -> tuple[int, ...]:
     """The columns of the one body that has a whole pose, of several those of the wanted one; empty where none has."""
     poses: dict[tuple[str, ...], list[int]] = {}
     for whose in dict.fromkeys(one.whose for one in told if one.kind in KINDS):
-        found = [[at for at, one in enumerate(told) if (one.kind, one.whose) == (kind, whose)] for kind in KINDS]
-        if all(len(places) == 1 for places in found):
-            poses[whose] = [places[0] for places in found]
+        for form in FORMS:
+            found = [[at for at, one in enumerate(told) if one[:2] == (kind, whose)] for kind in (*POSITION, *form)]
+            if all(len(places) == 1 for places in found):
+                poses.setdefault(whose, [places[0] for places in found])
     wanted = set(words_of(body))
     chosen = [whose for whose in poses if wanted and wanted <= set(whose)] or list(poses)
     if len(chosen) > 1:
@@ -116,7 +144,9 @@ def _of_one_body(told: Sequence[_Name], body: str) -> tuple[int, ...]:
 
 def _of_all(names: Sequence[str], told: Sequence[_Name]) -> tuple[int, ...]:
     """The columns of a pose whose position and orientation are named differently, as EuRoC's."""
-    found = {kind: [at for at, one in enumerate(told) if one.kind == kind and one.is_sure] for kind in KINDS}
+    kinds = [one.kind for one in told]
+    form = max(FORMS, key=lambda form: (len(set(form) & set(kinds)) == len(form), len(set(form) & set(kinds))))
+    found = {kind: [at for at, one in enumerate(told) if one.kind == kind and one.is_sure] for kind in (*POSITION, *form)}
     for kind, places in found.items():
         if len(places) > 1:
             raise ColumnsError(f"{len(places)} columns of {kind} ({names[places[0]]}, {names[places[1]]})")
@@ -125,30 +155,42 @@ def _of_all(names: Sequence[str], told: Sequence[_Name]) -> tuple[int, ...]:
         shown = ", ".join(name for name in names[:SHOWN] if name) + (", ..." if len(names) > SHOWN else "")
         raise ColumnsError(f"no column of {', '.join(missing)} in {shown}")
     pose = tuple(places[0] for places in found.values())
-    position, orientation = (set(told[at].whose) for at in (pose[0], pose[3]))
+    position, orientation = (set(told[at].whose) for at in (pose[0], pose[len(POSITION)]))
     if not (position <= orientation or orientation <= position):
         raise ColumnsError(f"a position and an orientation of different names ({names[pose[0]]}, {names[pose[3]]})")
     return pose
 
 
-def _told(name: str) -> _Name:
+def _told(name: str, *, angles: bool = False) -> _Name:
+    """What a name says; orientations with x, y and z are angles where no column is a quaternion's w."""
     words = words_of(name)
-    if len(words) > 1 and words[-1] in UNITS_OF_LENGTH:
+    if len(words) > 1 and (words[-1] in UNITS_OF_LENGTH or words[-1] in UNITS_OF_ANGLE):
         del words[-1]
     letters = [word for word in words if not word.isdigit()]
     if not letters or set(letters) & OTHER_WORDS:
         return _Name("")
     *others, last = letters
-    axis = re.fullmatch(r"([qpt]?)([wxyz])", last)
+    behind = words[len(words) - words[::-1].index(last) :]
+    if last in MATRIX_WORDS and behind:  # r11, rot_0, m_1_2
+        return _Name("m" + "".join(behind), _whose([word for word in words[: -len(behind)] if word not in MATRIX_WORDS]))
+    if last in NAMED_ANGLES:
+        return _Name(NAMED_ANGLES[last], _whose([word for word in words if word != last]))
+    axis = re.fullmatch(r"([qptr]?)([wxyz])", last)
     if axis is None and others and set(letters[1:]) <= POSITION_WORDS | ORIENTATION_WORDS:  # x_position
         others, axis = letters[1:], re.fullmatch(r"()([wxyz])", letters[0])
     if axis is None:
-        return _Name("time" if set(letters) & TIME_WORDS else "")
-    whose = tuple(word for word in words if word.isdigit() or word in others)
-    whose = tuple(word for word in whose if word not in POSITION_WORDS | ORIENTATION_WORDS)
-    if axis[1] == "q" or axis[2] == "w" or set(others) & ORIENTATION_WORDS:
+        return _Name("time" if set(letters) & TIME_WORDS else DATE_WORD if DATE_WORD in letters else "")
+    whose = _whose([word for word in words if word.isdigit() or word in others])
+    if axis[1] == "q" or axis[2] == "w" or set(others) & QUATERNION_WORDS:
         return _Name("q" + axis[2], whose)
+    if axis[1] == "r" or set(others) & ORIENTATION_WORDS:
+        return _Name(("a" if angles or set(others) & ANGLE_WORDS else "q") + axis[2], whose)
     return _Name(axis[2], whose, bool(axis[1] or not others or set(others) & POSITION_WORDS))
+
+
+def _whose(words: Sequence[str]) -> tuple[str, ...]:
+    """The words of a name that say whose number it is."""
+    return tuple(word for word in words if word not in POSITION_WORDS | ORIENTATION_WORDS)
 
 
 def _doubt(words: set[str], near: set[str]) -> tuple[bool, int, int]:
@@ -158,5 +200,5 @@ def _doubt(words: set[str], near: set[str]) -> tuple[bool, int, int]:
 
 def _unit(name: str) -> str:
     """The unit of a column: in brackets, else the name's last word."""
-    bracketed = re.search(r"[\[(]\s*(\w+)\s*[\])]", name)
+    bracketed = re.search(r"[\[(]\s*(\w+|°)\s*[\])]", name)
     return bracketed[1].lower() if bracketed else (words_of(name) or [""])[-1]

@@ -8,6 +8,7 @@ tab or spaces part the columns.
 import csv
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal, InvalidOperation
 from functools import partial
@@ -18,8 +19,18 @@ from statistics import median
 from contact_curation.errors import InvalidValueError, UnreadableInputError, why_unreadable
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.storage.datasets.orientations import (
+    ANGLES,
+    NUMBERED,
+    QUATERNION,
+    UNTOLD,
+    AngleConvention,
+    ToQuaternion,
+    as_it_is,
+    of_matrix,
+)
 from contact_curation.storage.datasets.pose_columns import (
-    KINDS,
+    POSITION,
     TUM,
     UNITS_OF_TIME,
     ColumnsError,
@@ -44,7 +55,11 @@ NAMING_WORDS = {"name", "id", "body", "object", "subject", "target", "tag", "mar
 MOST_NAMES = 8
 """Of bodies in a message."""
 
-EXPECTED = f"columns named {', '.join(TUM)} (or such as pose.position.x, q_w), or without names, in this order"
+FEWEST = len(POSITION) + len(ANGLES)
+"""Numbers of a row."""
+
+NAMES = "such as pose.position.x, q_w, or r11 to r33, or roll, pitch, yaw"
+EXPECTED = f"columns named {', '.join(TUM)} (or {NAMES}), or without names, in this order"
 
 
 class PoseTable:
@@ -54,10 +69,12 @@ class PoseTable:
         path: of the file.
         rate: poses in a second, of a file without times; None where it has them.
         body: whose poses are wanted, where the table has those of several.
+        angles: how angles turn, of a table that has them in place of quaternions or matrices.
 
     Attributes:
         named: whether a header names the columns.
         of_others: how many rows of the last iteration a column says to be of other bodies.
+        assumed: what names of columns do not say, and how it was taken; empty where they say all.
         left_out: how many rows of the last iteration had no whole pose, and what the first of them lacked.
 
     Raises:
@@ -65,7 +82,7 @@ class PoseTable:
         InvalidValueError: a rate and times, or neither.
     """
 
-    def __init__(self, path: Path, rate: float | None = None, body: str = "") -> None:
+    def __init__(self, path: Path, rate: float | None = None, body: str = "", angles: AngleConvention = UNTOLD) -> None:
         self.path, self.named, self.left_out, self.of_others = path, True, (0, ""), 0
         self._body, self._length_unit, self._names = body, "", list[str]()
         if path.exists() and not path.is_file():
@@ -73,11 +90,12 @@ class PoseTable:
         self._columns = self._header()
         if rate is None and self._columns.time is None:
             raise InvalidValueError("rate", f"none, and no times in {path}", "poses in a second (--rate)")
-        if rate is not None and self._columns.time is not None:
+        if rate is not None and self._columns.time not in (None, self._columns.date):
             raise InvalidValueError("rate", f"{rate:g}, and times in {path}", "no rate where times are known")
         if rate is not None and not rate >= SLOWEST_RATE:
             raise InvalidValueError("rate", f"{rate:g}", f"at least {SLOWEST_RATE:g} poses in a second")
         self._period_ns = None if rate is None else NANOSECONDS / rate
+        self._to_quaternion = self._orientations(angles)
         self._whose = self._column_of_names()
         self._unit = self._columns.time_unit or (1 if rate is not None else self._unit_by_steps())
 
@@ -100,16 +118,50 @@ class PoseTable:
     def _stamp_ns(self, row: int, values: Sequence[str]) -> int:
         if self._period_ns is not None:
             return round(row * self._period_ns)
-        time, beside = (None if at is None else _time(values[at]) for at in self._columns[:2])
-        if time is None:
-            found = repr(values[self._columns.time or 0][:40])
-            raise _NoPose(f"found no time in {found}, expected a number, or a date with a time")
-        return int(time * self._unit) + (0 if beside is None else int(beside))
+        time, beside, day = (None if at is None else values[at] for at in (*self._columns[:2], self._columns.date))
+        time = time or ""
+        if (number := _time(time)) is not None:
+            return int(number * self._unit) + int((_time(beside) if beside else None) or 0)
+        seconds = _date(time)
+        if seconds is None and day is not None:
+            time = f"{day} {time}"
+            seconds = _date(time)
+        if seconds is None:
+            expected = "a number, or a date with a time such as 2026-11-28 10:00:00.0067, also in two columns"
+            raise _NoPose(f"found no time in {time[:40]!r}, expected {expected}")
+        return int(seconds * NANOSECONDS)
 
     def _pose(self, values: Sequence[str]) -> ScalarPose:
-        x, y, z, qw, qx, qy, qz = (_number(values[at]) for at in self._columns.pose)
+        x, y, z, *orientation = (_number(values[at]) for at in self._columns.pose)
         length = self._columns.length
-        return ScalarPose((length * x, length * y, length * z), (qw, qx, qy, qz))
+        try:
+            return ScalarPose((length * x, length * y, length * z), self._to_quaternion(orientation))
+        except ValueError as error:
+            raise _NoPose(str(error)) from error
+
+    def _orientations(self, angles: AngleConvention) -> ToQuaternion:
+        """What makes quaternions of the columns of orientations.
+
+        Raises:
+            UnreadableInputError: they are angles, and it is not known how they turn.
+            InvalidValueError: it is said of angles that are none, or otherwise than in the names of columns.
+        """
+        form, told = self._columns.form, self._columns.angle_unit
+        named = [self._names[at] for at in self._columns.pose[len(POSITION) :]] if self._names else []
+        self.assumed = f"{named[0]} to {named[-1]} are taken as a rotation matrix row by row" if form in NUMBERED else ""
+        if form != ANGLES:
+            if angles.order:
+                raise InvalidValueError("angles", f"{angles.order}, and no angles in {self.path}", "angles, or no such option")
+            return as_it_is if form == QUATERNION else of_matrix
+        found = f"found angles {', '.join(named)}"
+        if not angles.order:
+            how = "in which order they turn, --angles (xyz: about fixed axes, XYZ: about the body's), or a quaternion or matrix"
+            raise UnreadableInputError(self.path, f"{found}, expected {how}")
+        if not told and not angles.unit:
+            raise UnreadableInputError(self.path, f"{found}, expected a unit in their names, or --angle-unit deg or rad")
+        if told and angles.unit and told != angles.unit:
+            raise InvalidValueError("angle_unit", f"{angles.unit}, and {told} in {self.path}", "the unit of the columns")
+        return replace(angles, unit=told or angles.unit).to_quaternion
 
     def _column_of_names(self) -> int | None:
         """The column that says whose pose a row has, where some rows have the body's and others not.
@@ -202,7 +254,7 @@ def _parts(line: str, separator: str | None) -> list[str]:
 
 def _is_row(parts: Sequence[str]) -> bool:
     numbers, empty = sum(_is_number(part) for part in parts), sum(not part for part in parts)
-    return numbers > len(parts) - numbers - empty and numbers + empty >= len(KINDS)
+    return numbers > len(parts) - numbers - empty and numbers + empty >= FEWEST
 
 
 def _headers(before: Sequence[str], separator: str | None, count: int) -> list[Sequence[str]]:
@@ -226,15 +278,16 @@ def _length_unit(before: Sequence[str], separator: str | None) -> str:
 
 
 def _time(text: str) -> Decimal | None:
-    """A time with all of its digits, a date (ISO 8601, UTC if it does not say) as seconds since 1970; None for what is none."""
+    """A time with all of its digits; None for what is no number."""
     try:
         value = Decimal(text)
     except InvalidOperation:
-        return _date(text)
+        return None
     return value if value.is_finite() and value.copy_abs() < LARGEST_TIME else None
 
 
 def _date(text: str) -> Decimal | None:
+    """A date (ISO 8601, UTC if it does not say) as seconds since 1970; None for what is none."""
     try:
         date = datetime.fromisoformat(text)
     except ValueError:

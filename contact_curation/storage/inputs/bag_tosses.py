@@ -329,6 +329,10 @@ class BagTosses:
         if not self._ingest.counts["tosses"] + self._ingest.counts["rejected"]:
             seen = ", ".join(sorted(name for name in self._frames if name)[:MOST_LISTED]) or "no frame"
             wanted = MOTION if poses else f": found {seen}, expected frames {self.source.body_frame} and {self._board}"
+            if not poses and self.source.other_tags:
+                wanted += f", or poses of tags from {' or '.join(self.source.other_tags)} (--topic)"
+            elif not poses:
+                wanted += " (--body-frame, --board-frame)"
             yield f"found no toss in {poses} poses of {self.source.body.name}{wanted}{CHECK if poses else ''}"
 
     @property

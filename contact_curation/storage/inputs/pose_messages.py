@@ -4,6 +4,8 @@ This is where xyzw becomes wxyz, and where stamps are header stamps: log times a
 frame names are dropped. What is no pose comes out as a `BadPose` with its reason.
 """
 
+import re
+from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -22,7 +24,8 @@ RIGID_BODIES = "mocap4r2_msgs/msg/RigidBodies"
 NAMED_POSES = "motion_capture_tracking_interfaces/msg/NamedPoseArray"
 TRANSFORM = "geometry_msgs/msg/TransformStamped"
 TF = "tf2_msgs/msg/TFMessage"
-
+ISAAC_TAGS = "isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"
+APRILTAG_ROS, APRILTAGS2_ROS = (f"{name}/msg/AprilTagDetectionArray" for name in ("apriltag_ros", "apriltags2_ros"))
 
 BODY_PREFIX, MOST_NAMES = "body_", 8
 """Prefix of TagSLAM's topic names for bodies, whose frames have the body's name alone; and names in a message."""
@@ -124,6 +127,35 @@ def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
     return tuple(
         on_header(one.header, frame_name(one.child_frame_id), one.transform.translation, one.transform.rotation, static=static)
         for one in message.transforms
+    )
+
+
+TAG_FRAMES: dict[str, Callable[[Any], str]] = {
+    ISAAC_TAGS: lambda detection: f"{detection.family}:{detection.id}",
+    APRILTAG_ROS: lambda detection: "_".join(("tag", *map(str, detection.id))),
+    APRILTAGS2_ROS: lambda detection: "_".join(("tag", *map(str, detection.id))),
+}
+"""The message types with poses of tags in a camera, and what a tag's frame is called there.
+
+isaac_ros_apriltag calls it so on TF, `tag36h11:3`. apriltag_ros of ROS 1 and what was ported from it have neither families nor
+names: `tag_3`, as on TF by default, and `tag_3_4_5` for a bundle of tags with these ids.
+"""
+TAG_FRAME = re.compile(r"\w*\d:\d+|tag(_\d+)+")
+"""What these frames are called."""
+
+
+def measured_tags(type_name: str, message: Any) -> tuple[Measured, ...]:
+    """Reads the poses of tags in a message of one of `TAG_FRAMES`, each the pose of the tag's frame in the camera's.
+
+    The array's header counts: isaac_ros_apriltag leaves those of the poses empty.
+    """
+    named = [(TAG_FRAMES[type_name](one), one.pose.pose.pose) for one in message.detections]
+    times = Counter(child for child, _ in named)
+    return tuple(
+        on_header(message.header, child, pose.position, pose.orientation)
+        if times[child] == 1
+        else BadPose(stamp_ns_of(message.header), child, f"tags: found {times[child]} called {child}, expected one", "twice")
+        for child, pose in named
     )
 
 

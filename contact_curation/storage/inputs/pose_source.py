@@ -15,10 +15,13 @@ from contact_curation.storage.inputs.pose_messages import (
     BODY_PREFIX,
     ONLY,
     POSE_MESSAGES,
+    TAG_FRAME,
+    TAG_FRAMES,
     TF,
     Measured,
     frame_name,
     measured_pose,
+    measured_tags,
     measured_transforms,
 )
 from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS, TagDetections
@@ -27,6 +30,9 @@ from contact_curation.storage.tag_map_file import read_tag_rig
 TF_STATIC_NAME = "tf_static"
 NOT_TRACKED = ("ground_truth", "grip")
 """Last names of topics with poses that no tracker measured: of a simulation, and of the grip that a throw wants."""
+
+POSE_TYPES = (*POSE_MESSAGES, TF, *TAG_FRAMES)
+"""Types of the topic with a body's poses."""
 
 WITH_CHILD = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/TransformStamped")
 """Types whose messages say in `child_frame_id` whose pose they have."""
@@ -102,15 +108,17 @@ class PoseSource:
     """The topics that are read for one body.
 
     Attributes:
-        body: topic with the body's poses; a TF topic if they are only there.
+        body: topic with the body's poses; a topic of `transforms` if they are only there.
         body_frame: frame of the body.
         board: topic with the board's poses, or None.
         board_frame: frame of the board; empty if the body's poses are given on the board.
-        transforms: TF topics.
+        transforms: topics with poses of many frames, of which the body's may be one: TF, and the one that is chosen with
+            poses of tags.
         array_index: index of the body's pose in a PoseArray; -1: the only one.
         camera: topic with the camera's CameraInfo, if the body's topic has tag detections.
         wanted_board: the configured frame of the board, even if nothing leads to it.
         children: frames that messages of the body's topic are of (`child_frame_id`), if they are of several or of the body's.
+        other_tags: topics with poses of tags that are not read.
     """
 
     body: TypedTopic
@@ -122,6 +130,7 @@ class PoseSource:
     camera: TypedTopic | None = None
     wanted_board: str = ""
     children: frozenset[str] = frozenset()
+    other_tags: tuple[str, ...] = ()
 
     def of_children(self, children: frozenset[str]) -> "PoseSource":
         """The same, where messages of the body's topic were seen to be of these frames."""
@@ -172,7 +181,8 @@ class PoseSource:
         if detections is not None and self.camera is not None and topic in (self.camera.name, self.body.name):
             return detections.calibrated(message) if topic == self.camera.name else detections.detected(message)
         if topic in self.transforms:
-            transforms = measured_transforms(message, static=self.is_static(topic))
+            kind, static = self.type_of(topic), self.is_static(topic)
+            transforms = measured_tags(kind, message) if kind in TAG_FRAMES else measured_transforms(message, static=static)
             return tuple(one for each in transforms if (one := self._named(topic, each)) is not None)
         if self.board is not None and topic == self.board.name:
             return (measured_pose(self.board.type, message, self.board_frame),)
@@ -182,7 +192,7 @@ class PoseSource:
 
     def type_of(self, topic: str) -> str:
         """The ROS 2 type name that messages of one of `topics` are read by."""
-        if topic in self.transforms:
+        if topic in self.transforms and topic != self.body.name:
             return TF
         return self.board.type if self.board is not None and topic == self.board.name else self.body.type
 
@@ -193,7 +203,8 @@ class PoseSource:
     def frames(self, topic: str, parent: str, child: str) -> tuple[str, str] | None:
         """Parent and child of a pose whose message calls them so; None where it is left out.
 
-        On TF, TagSLAM's frames are renamed, `cube` to `body_cube`; what is between the two names of one frame is left out.
+        On TF, TagSLAM's frames are renamed, `cube` to `body_cube`; what is between the two names of one frame is left out. So
+        are moving tags where they are read from a topic of their own.
         """
         parent = frame_name(parent)
         if topic not in self.transforms:
@@ -205,13 +216,19 @@ class PoseSource:
         renamed = known.get(parent, parent), known.get(child, child)
         if renamed[0] == renamed[1] and renamed != (parent, child):
             return None
-        return None if self.body.type != TF and renamed[1] == self.body_frame else renamed
+        return None if self._is_elsewhere(topic, renamed[1]) else renamed
+
+    def _is_elsewhere(self, topic: str, child: str) -> bool:
+        """Whether another topic than this one of `transforms` is read for a frame."""
+        if self.body.type in TAG_FRAMES:
+            return topic != self.body.name and not self.is_static(topic) and bool(TAG_FRAME.fullmatch(child))
+        return self.body.type != TF and child == self.body_frame
 
     def _named(self, topic: str, transform: Measured) -> Measured | None:
         """The transform with its frames as `frames` has them."""
         if isinstance(transform, BadPose):
             child = self._known_frames.get(transform.child, transform.child)
-            return None if self.body.type != TF and child == self.body_frame else replace(transform, child=child)
+            return None if self._is_elsewhere(topic, child) else replace(transform, child=child)
         renamed = self.frames(topic, transform.parent, transform.child)
         return renamed and replace(transform, parent=renamed[0], child=renamed[1])
 
@@ -224,10 +241,10 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
     """Chooses the topics with a body's poses.
 
     The body's topic is the configured one; else the one named after the body (TagSLAM's `.../body_<name>`); else the only one
-    of the first type of `POSE_MESSAGES` that exists, of topics in a namespace named after the body (`/vrpn/<name>/pose`) or, if
-    there are none, of all; else TF. Poses that no tracker measured are only used if they are named. The board has a topic if
-    one is named after its frame. If nothing can lead to the board, the poses count as given on it, which the reader reports
-    (`BagTosses.left_out`).
+    of the first type of `POSE_MESSAGES` that exists, of topics in a namespace named after the body (`/vrpn/<name>/pose`) or,
+    if there are none, of all; else TF; else the only one with poses of tags. Poses that no tracker measured are only used if
+    they are named. The board has a topic if one is named after its frame. If nothing can lead to the board, the poses count
+    as given on it, which the reader reports (`BagTosses.left_out`).
 
     Args:
         where: the bag or graph, for error messages.
@@ -256,12 +273,21 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
         )
         if any(one.type == DETECTIONS for one in topics):
             wanted += "; detections of tags are read with a tag map"
-        if not any(one.type in (*POSE_MESSAGES, TF) for one in topics):
-            wanted += f", of a type that is read: {', '.join((*POSE_MESSAGES, TF))}"
+        if not any(one.type in POSE_TYPES for one in topics):
+            wanted += f", of a type that is read: {', '.join(POSE_TYPES)}"
         raise MissingTopicError(where, wanted, listed)
+    transforms += (chosen.name,) if chosen.type in TAG_FRAMES else ()
     leads_to_board = bool(transforms) or board is not None
-    board_frame = config.board_frame if leads_to_board else ""
-    return PoseSource(chosen, body_frame, board, board_frame, transforms, config.array_index, wanted_board=config.board_frame)
+    return PoseSource(
+        body=chosen,
+        body_frame=body_frame,
+        board=board,
+        board_frame=config.board_frame if leads_to_board else "",
+        transforms=transforms,
+        array_index=config.array_index,
+        wanted_board=config.board_frame,
+        other_tags=tuple(one.name for one in topics if one.type in TAG_FRAMES and one != chosen),
+    )
 
 
 def is_of_another(topic: str, body: str, config: PoseTopicConfig) -> bool:
@@ -279,6 +305,8 @@ def _tag_source(where: Path | str, topics: Collection[TypedTopic], body: str, co
         wanted = (
             f"one topic with {DETECTIONS} and one with {CAMERA_INFO}, as there is a tag map; name them if there are several"
         )
+        if any(one.type in TAG_FRAMES for one in topics):
+            wanted += "; poses of tags are read without a tag map"
         raise MissingTopicError(where, wanted, sorted(f"{one.name} ({one.type})" for one in topics))
     transforms = tuple(one.name for one in topics if one.type == TF)
     return PoseSource(detections, config.body_frame_of(body), None, config.board_frame, transforms, camera=camera)
@@ -291,7 +319,7 @@ def _only(topics: Collection[TypedTopic], kind: str, name: str) -> TypedTopic | 
 
 
 def _named(topics: Collection[TypedTopic], name: str) -> TypedTopic | None:
-    return next((one for one in topics if one.name.lstrip("/") == name.lstrip("/") and one.type in (*POSE_MESSAGES, TF)), None)
+    return next((one for one in topics if one.name.lstrip("/") == name.lstrip("/") and one.type in POSE_TYPES), None)
 
 
 def _fitting(topics: Collection[TypedTopic], board: TypedTopic | None, names: set[str]) -> TypedTopic | None:
@@ -299,11 +327,15 @@ def _fitting(topics: Collection[TypedTopic], board: TypedTopic | None, names: se
         one for one in topics if one.type in POSE_MESSAGES and one != board and _last_part(one.name) not in NOT_TRACKED
     ]
     called = [one for one in candidates if names.intersection(one.name.split("/"))]
+    frames = sorted((one for one in topics if one.type == TF), key=lambda one: _last_part(one.name) == TF_STATIC_NAME)[:1]
+    moving = [one for one in frames if _last_part(one.name) != TF_STATIC_NAME]
     tiers: Sequence[list[TypedTopic]] = (
         [one for one in candidates if _last_part(one.name) in names],
         *([one for one in called if one.type == kind] for kind in POSE_MESSAGES),
         *([one for one in candidates if one.type == kind] for kind in POSE_MESSAGES),
-        sorted((one for one in topics if one.type == TF), key=lambda one: _last_part(one.name) == TF_STATIC_NAME)[:1],
+        moving,
+        [one for one in topics if one.type in TAG_FRAMES],
+        frames,
     )
     first = next((tier for tier in tiers if tier), [])
     return first[0] if len(first) == 1 else None

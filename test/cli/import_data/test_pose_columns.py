@@ -21,6 +21,7 @@ NAMED = {
     "time,x_m,y_m,z_m,qx,qy,qz,qw": 1.0,
     "time,x [millimeter],y [millimeter],z [millimeter],qx,qy,qz,qw": 1e-3,
     "time,x (in),y (in),z (in),qx,qy,qz,qw": 0.0254,
+    "time,x,y,z,rx,ry,rz,rw": 1.0,
     "t,cube_x,cube_y,cube_z,cube_qx,cube_qy,cube_qz,cube_qw": 1.0,
 }
 

@@ -1,6 +1,7 @@
 """`import poses`: tables of poses, as other programs write them, give the tosses of the bag that they came from."""
 
 import os
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.storage.datasets.pose_bag import UPRIGHT
+from contact_curation.storage.datasets.pose_table import PoseTable
 from test.cli.commands import Cli
 from test.storage.pose_text import Poses, board_poses, text
 
@@ -61,6 +63,27 @@ def test_times_may_be_dates(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "poses.csv").write_text("\n".join(rows))
     done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json")
     assert (done.json["poses"], done.json["moved"], done.json["seconds"]) == (2, 0, pytest.approx(0.0067))
+
+
+@pytest.mark.parametrize("names", ["date,time", "Date,Time", "cube date,time of day", "date,timestamp [s]"])
+@pytest.mark.parametrize("order", [1, -1])
+def test_date_and_time_of_day_may_be_two_columns(names: str, order: int, tmp_path: Path) -> None:
+    times = [datetime(2026, 11, 28, 23, 59, 58, 123456, UTC) + timedelta(microseconds=6757) * row for row in range(700)]
+    rows = [",".join([*[f"{one:%Y-%m-%d}", f"{one:%H:%M:%S.%f}"][::order], "0,0,1,0,0,0,1"]) for one in times]
+    header = ",".join([*names.split(",")[::order], "x,y,z,qx,qy,qz,qw"])
+    (tmp_path / "poses.csv").write_text("\n".join([header, *rows]))
+    first_ns = 1_795_910_398_123_456_000
+    stamps = [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "poses.csv")]
+    assert stamps == [first_ns + row * 6_757_000 for row in range(700)]
+
+
+def test_a_column_named_date_may_have_the_time_too_and_may_stand_beside_seconds(tmp_path: Path) -> None:
+    pose = "0,0,1,0,0,0,1"
+    (tmp_path / "a.csv").write_text(f"date,x,y,z,qx,qy,qz,qw\n2026-11-28T23:59:58.5Z,{pose}\n2026-11-29 00:00:00.5,{pose}")
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv")] == [1_795_910_398_500_000_000, 1_795_910_400_500_000_000]
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv", rate=50.0)] == [0, 20_000_000]
+    (tmp_path / "b.csv").write_text(f"date,time,x,y,z,qx,qy,qz,qw\n2026-11-28,5,{pose}\n2026-11-28,5.25,{pose}")
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "b.csv")] == [5_000_000_000, 5_250_000_000]
 
 
 def test_the_bag_begins_with_the_first_pose(cli: Cli, tmp_path: Path) -> None:
@@ -140,7 +163,11 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
         ("[" * 60_000 + "\n" + "1 2 3 4 5 6 7 8\n" * 5, [], "found no column of x, y, z, qw, qx, qy, qz in [[["),
         ("1 2 3\n" * 5, [], "found no numbers in the first 100 lines"),
         ("1 2 3 4 5 6 7 8 9\n", [], "found 9 columns without names; expected columns named"),
-        ("t,x,y,z,roll,pitch,yaw,flag\n1,2,3,4,5,6,7,8\n", [], "found no column of qw, qx, qy, qz in t, x, y, z, roll, pitch"),
+        (
+            "t,x,y,z,roll,pitch,yaw,flag\n1,2,3,4,5,6,7,8\n",
+            [],
+            "found angles roll, pitch, yaw, expected in which order they turn, --angles (xyz",
+        ),
         ("t,a/x,a/y,a/z,b.position.x,qx,qy,qz,qw\n" + "1," * 9, [], "found no column of x, y, z in t, a/x"),
         ("t,p.x,y,z,x,qx,qy,qz,qw\n" + "1," * 9, [], "found 2 columns of x (p.x, x); expected columns named"),
         ("x,y,z,qx,qy,qz,qw\n0,0,1,0,0,0,1\n", [], "rate: found none, and no times in"),
@@ -151,6 +178,16 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
             "t,x,y,z,qx,qy,qz,qw\n1e9999999,0,0,1,0,0,0,1\n",
             [],
             "found no pose (line 2: found no time in '1e9999999'",
+        ),
+        (
+            "time,x,y,z,qx,qy,qz,qw\n14:03:05.12,0,0,1,0,0,0,1\n",
+            [],
+            "found no time in '14:03:05.12', expected a number, or a date",
+        ),
+        (
+            "date,time,x,y,z,qx,qy,qz,qw\n28/11/2026,14:03:05.12,0,0,1,0,0,0,1\n",
+            [],
+            "no time in '28/11/2026 14:03:05.12', expected a number, or a date with a time such as 2026-11-28 10:00:00.0067",
         ),
         ("t,x,y,z,qx,qy,qz,qw\n3e18,0,0,1,0,0,0,1\n", [], "times: found 3e+18 s, expected less than 2.14748e+09 s"),
         ("x,y,z,qx,qy,qz,qw\n" + "0,0,1,0,0,0,1\n" * 2, ["--rate", "1e-300"], "rate: found 1e-300, expected at least 0.001"),

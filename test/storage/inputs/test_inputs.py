@@ -29,6 +29,7 @@ from contact_curation.storage.inputs.pose_messages import (
     POSE,
     POSE_ARRAY,
     POSE_MESSAGES,
+    TAG_FRAMES,
     TF,
     TRANSFORM,
 )
@@ -323,7 +324,7 @@ def test_a_bad_input_is_one_line_and_the_others_go_on(tmp_path: Path, name: str,
 
 def test_a_bag_without_poses_lists_what_it_has(tmp_path: Path) -> None:
     bag = write_ours(tmp_path / "a.mcap", [Sent("/note", 5, note("hello"))])
-    kinds_read = ", ".join((*POSE_MESSAGES, TF))
+    kinds_read = ", ".join((*POSE_MESSAGES, TF, *TAG_FRAMES))
     expected = f"one topic with poses of cube; name it (`topic`) if there are several, of a type that is read: {kinds_read}"
     assert lines(opened(bag)[0]) == [f"{bag}: found /note (std_msgs/msg/String); expected {expected}"]
 
