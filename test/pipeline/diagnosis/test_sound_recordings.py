@@ -1,11 +1,14 @@
 """A board that is not level is named; caught bodies and simulated poses without noise are not taken for faults."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from benchmarks.data.thrown_bodies import ellipsoid
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.geometry import quaternions
-from contact_curation.geometry.polytopes import box
+from contact_curation.geometry.polytopes import Polytope, box
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
@@ -69,3 +72,14 @@ def test_simulated_poses_without_noise_are_not_smoothed_where_a_corner_touches()
         touched[:FLYING] += pushed.cumsum(axis=0).cumsum(axis=0).cumsum(axis=0)
         series[number] = PoseSeries(series[number].stamps_ns, touched, series[number].orientations_wxyz)
     assert smoothed(evidence(series)) is None
+
+
+def test_a_body_of_many_corners_rests_on_its_own_faces(tmp_path: Path) -> None:
+    corners = ellipsoid(60, [0.07, 0.05, 0.04])
+    file = tmp_path / "rock.yaml"
+    file.write_text(f"name: rock\nmass: 0.3\ninertia: [2.2e-4, 3.5e-4, 4.0e-4]\nvertices: {corners.tolist()}\n")
+    series = recorded(Polytope(corners), Rig(), Throws(20))
+    seen = Evidence(ReadingConfig(Body.from_file(file)), (Recording("a", series=tuple(series)),))
+    assert other_shape(seen) is None
+    assert seen.rig is not None
+    assert seen.rig.tilt_degrees < 0.3
