@@ -26,9 +26,9 @@ from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.solids.mass_properties import of_hull
 from contact_curation.learning.evaluation.misfit import (
     bounce_in_words,
+    friction_use,
     impact_depth,
     sliding_of,
-    sliding_share,
     softness_in_words,
     sticking_in_words,
 )
@@ -63,10 +63,10 @@ def sliding_line(body: Body, tosses: Sequence[Toss], seed: int) -> str:
     """What is learned of their friction, and what is said of it."""
     data = transitions_of(tosses, body.length_scale)
     geometry = fitted(body, data, seed, bounces=False).geometry()
-    share = sliding_share(data, geometry, body)
+    use = friction_use(data, geometry, body)
     learned = float(np.linalg.norm(geometry.tangents[0]))
     said = "said" if sticking_in_words(data, geometry, body, sliding_of(tosses, body)) else "not said"
-    return f"{learned:.3f} learned, {100.0 * (share or 0.0):.0f} % of frames slide, {said}"
+    return f"{learned:.3f} learned, {100.0 * (use.sliding if use else 0.0):.0f} % of frames slide, {said}"
 
 
 def main() -> int:

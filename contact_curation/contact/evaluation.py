@@ -105,7 +105,7 @@ def evaluate(
         config: weights and solver.
 
     Raises:
-        InvalidValueError: wrong shapes, quaternions not of unit norm, or more than 32 vertices.
+        InvalidValueError: wrong shapes, quaternions not of unit norm, or more than `MAX_CONTACTS` vertices.
     """
     first, second, periods = checked_transitions(geometry, before, after, dt)
     count, contacts = len(first), geometry.vertex_count

@@ -23,7 +23,7 @@ from contact_curation.errors import InvalidValueError
 
 Array = NDArray[np.float64]
 
-MAX_CONTACTS = 32
+MAX_CONTACTS = 64
 """Largest number of contacts in the compiled kernel (solver/kernel/cone_problem.hpp)."""
 
 DEFAULT_TOLERANCE = 1e-7

@@ -33,7 +33,7 @@ OPTIONAL = ("mass", "inertia", "length_scale")
 VERSION = 1
 """Newest version of the JSON format; a file without the key "version" has the first version."""
 LARGEST_BYTES = 1 << 20
-"""Largest accepted file [bytes], far more than 32 vertices take."""
+"""Largest accepted file [bytes], far more than 64 vertices take."""
 
 
 class Parameters(NamedTuple):

@@ -330,14 +330,14 @@ def test_a_cylinder_becomes_a_prism_and_its_error_is_said(tmp_path: Path) -> Non
     np.testing.assert_allclose(np.linalg.norm(found.vertices[:, :2], axis=1), 0.03)
 
 
-def test_of_forty_vertices_in_yaml_the_solvers_32_are_taken_and_the_error_is_said(tmp_path: Path) -> None:
-    points = np.random.default_rng(2).standard_normal((40, 3))
+def test_of_eighty_vertices_in_yaml_the_solvers_64_are_taken_and_the_error_is_said(tmp_path: Path) -> None:
+    points = np.random.default_rng(2).standard_normal((80, 3))
     points *= 0.05 / np.linalg.norm(points, axis=1)[:, None]
     file = tmp_path / "ball.yaml"
     file.write_text(f"{YAML}vertices: {points.tolist()}\ninertia: [3.0e-4, 3.0e-4, 3.0e-4]\nlength_scale: 0.04\n")
     found = read_description(file)
-    assert (len(found.vertices), found.hull_count) == (32, 40)
-    assert found.warnings[0].startswith("vertices: 32 of 40 corners stand for the hull and are at most ")
+    assert (len(found.vertices), found.hull_count) == (64, 80)
+    assert found.warnings[0].startswith("vertices: 64 of 80 corners stand for the hull and are at most ")
 
 
 def test_the_length_scale_of_a_cube_is_its_half_width(tmp_path: Path) -> None:

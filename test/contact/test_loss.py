@@ -189,8 +189,8 @@ def test_what_cannot_be_a_transition_is_refused() -> None:
         evaluate(POINT, CUBE, np.repeat(good, 2, axis=0), good, DT)
     with pytest.raises(InvalidValueError, match="quaternion"):
         evaluate(POINT, CUBE, good + np.array([0.0] * 3 + [0.1] + [0.0] * 9), good, DT)
-    with pytest.raises(InvalidValueError, match=r"^vertices: found 33, expected at most 32$"):
-        evaluate(ContactGeometry(np.zeros((33, 3)), POINT.normal, np.zeros((33, 3)), POINT.tangents), CUBE, good, good, DT)
+    with pytest.raises(InvalidValueError, match=r"^vertices: found 65, expected at most 64$"):
+        evaluate(ContactGeometry(np.zeros((65, 3)), POINT.normal, np.zeros((65, 3)), POINT.tangents), CUBE, good, good, DT)
 
 
 @pytest.mark.parametrize("field", ["match", "penetration", "regularization", "tolerance"])

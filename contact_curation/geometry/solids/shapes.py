@@ -15,7 +15,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids.mass_properties import MassProperties, combined
 
 SIDES = 16
-"""Sides of the prism that stands for a cylinder: its 32 corners are what the solver takes."""
+"""Sides of the prism that stands for a cylinder, 2 % of the radius inside it at most."""
 
 SPHERE_ERROR = 0.00453
 """Share of the radius: so far inside the sphere is the hull of `_sphere_points` at most."""

@@ -4,6 +4,7 @@ Bounds on accuracy hold for a model that is right; where one of these lines stan
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.rollout import rollout
+from contact_curation.geometry import quaternions
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.rebounds import rebounds
 from contact_curation.motion.survey.sliding import NORMAL_95, Sliding, sliding
@@ -44,8 +46,13 @@ friction that is 8 to 42 % too low (`benchmarks.learning.misfit_words`)."""
 USED_UP = 0.9
 """Share of its friction that a sliding contact uses at least; the tracker's noise turns the rest."""
 
+NEEDED, MOSTLY = 0.99, 0.5
+"""Contacts that use this share of a model's friction need all of it; if they are at rest in more than the second share of such
+frames, the friction is higher than the model's."""
+
 LOADED, MOVING = 0.3, 0.05
-"""A body moves on the board where the contacts carry so much of its weight, and a corner may be faster than this [m/s]."""
+"""A body moves on the board where the contacts carry so much of its weight, and a corner may be faster than this [m/s]; a
+contact is at rest that is slower."""
 
 
 def bounce_in_words(tosses: Sequence[Toss], body: Body) -> str:
@@ -120,7 +127,7 @@ def sliding_in_words(found: Sliding | None, friction: float, interval: float) ->
 
 
 def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body: Body, found: Sliding | None) -> str:
-    """How seldom contacts slide, if so seldom that the learned friction is too low; else empty.
+    """How seldom contacts slide, if so seldom that the learned friction is or may be too low; else empty.
 
     Nothing is said against bodies that slide with no more friction: contacts of a model that is wrong otherwise stick, too.
 
@@ -132,27 +139,48 @@ def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body:
     """
     if geometry is None or len(data.toss_ids) < FEWEST:
         return ""
-    share = sliding_share(data, geometry, body)
-    if share is None or share >= SLIDING:
+    use = friction_use(data, geometry, body)
+    if use is None or use.sliding >= SLIDING:
         return ""
     friction = float(np.linalg.norm(geometry.tangents[0]))
     if found is not None and found.median <= friction:
         return ""
+    higher = "so the friction is" if use.at_rest > MOSTLY else "in others they stick or roll, where the friction may be"
     return (
-        f"friction hardly used up: contacts slide in {100.0 * share:.0f} % of the frames that move on the board (expected "
-        f"{100.0 * SLIDING:.0f} % at least), so the friction is higher than the {friction:.2f} that is learned"
+        f"friction hardly used up: contacts slide in {100.0 * use.sliding:.0f} % of the frames that move on the board "
+        f"(expected {100.0 * SLIDING:.0f} % at least), {higher} higher than the {friction:.2f} that is learned"
     )
 
 
-def sliding_share(data: Transitions, geometry: ContactGeometry, body: Body) -> float | None:
-    """Share of the frames moving on the board whose contacts use up their friction; None without such frames."""
+class FrictionUse(NamedTuple):
+    """How far contacts use up the friction of a model in the frames that move on the board.
+
+    Attributes:
+        sliding: share of the frames whose contacts use it up.
+        at_rest: of those whose contacts need all of it, the share whose contacts do not move along the board all the same.
+    """
+
+    sliding: float
+    at_rest: float
+
+
+def friction_use(data: Transitions, geometry: ContactGeometry, body: Body) -> FrictionUse | None:
+    """None without frames that move on the board; a body that rolls or tumbles over a corner moves, and does not slide."""
     impulses = evaluate(geometry, body, data.before, data.after, data.dt).impulses
-    normal = impulses[:, :, 0].sum(axis=1)
-    tangential = np.linalg.norm(impulses[:, :, 1:], axis=2).sum(axis=1)
+    loads, tangential = impulses[:, :, 0], np.linalg.norm(impulses[:, :, 1:], axis=2).sum(axis=1)
+    normal = loads.sum(axis=1)
     along, spins = (np.linalg.norm(data.before[:, part], axis=1) for part in (slice(7, 9), slice(10, 13)))
     speeds = np.hypot(body.length_scale * along, _reach(body) * spins)
     moving = (normal > LOADED * body.mass * body.scaled_gravity * data.dt) & (speeds > MOVING)
-    return float(np.mean(tangential[moving] > USED_UP * normal[moving])) if moving.any() else None
+    if not moving.any():
+        return None
+    needed = moving & (tangential > NEEDED * normal)
+    after = data.after[needed]
+    turning = np.cross(after[:, np.newaxis, 10:13], geometry.vertices_tangent)  # (N, V, 3)
+    slips = after[:, np.newaxis, 7:10] + quaternions.rotate(after[:, np.newaxis, 3:7], turning)
+    mean_slips = (loads[needed] * np.linalg.norm(slips[:, :, :2], axis=2)).sum(axis=1) / normal[needed]
+    at_rest = float(np.mean(body.length_scale * mean_slips < MOVING)) if needed.any() else 0.0
+    return FrictionUse(float(np.mean(tangential[moving] > USED_UP * normal[moving])), at_rest)
 
 
 def _reach(body: Body) -> float:

@@ -10,7 +10,7 @@
 
 namespace contact_curation {
 
-constexpr int kMaxContacts = 32;
+constexpr int kMaxContacts = 64;
 constexpr int kFacets = 8;
 
 struct ConeProblem {

@@ -15,9 +15,9 @@ from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
 from contact_curation.learning.evaluation.misfit import (
     bounce_in_words,
+    friction_use,
     sliding_in_words,
     sliding_of,
-    sliding_share,
     sticking_in_words,
 )
 from contact_curation.motion.survey.series import series_of
@@ -155,18 +155,26 @@ def test_a_friction_that_is_hardly_used_up_is_said_to_be_higher() -> None:
     rough, learned = (replace(described, tangents=friction * np.eye(2, 3)) for friction in (0.9, 0.55))
     tosses = simulated_tosses(8, 5, geometry=rough)
     data = transitions_of(tosses, CUBE.length_scale)
-    share = sliding_share(data, learned, CUBE)
-    assert share is not None
-    assert share < 0.5
+    use = friction_use(data, learned, CUBE)
+    assert use is not None
+    assert use.sliding < 0.5 < use.at_rest
     assert sticking_in_words(data, learned, CUBE, None) == (
-        f"friction hardly used up: contacts slide in {100.0 * share:.0f} % of the frames that move on the board (expected 60 % "
-        "at least), so the friction is higher than the 0.55 that is learned"
+        f"friction hardly used up: contacts slide in {100.0 * use.sliding:.0f} % of the frames that move on the board "
+        "(expected 60 % at least), so the friction is higher than the 0.55 that is learned"
     )
     assert sticking_in_words(transitions_of(tosses[:7], CUBE.length_scale), learned, CUBE, None) == ""
     assert sticking_in_words(data, None, CUBE, None) == ""
     assert sticking_in_words(data, learned, CUBE, Sliding(np.full(8, 0.9), np.full(8, 0.02))) != ""
     assert sticking_in_words(data, learned, CUBE, Sliding(np.full(8, 0.5), np.full(8, 0.02))) == ""  # slides contradict it
     assert sticking_in_words(transitions_of(thrown(), CUBE.length_scale), described, CUBE, None) == ""
+
+
+@pytest.mark.parametrize("friction", [0.6, 0.9])
+def test_bodies_that_roll_and_tumble_without_sliding_do_not_say_that_a_right_friction_is_higher(friction: float) -> None:
+    right = replace(ContactGeometry.of_body(CUBE).rigid(), tangents=friction * np.eye(2, 3))
+    tosses = simulated_tosses(8, 5, geometry=right)
+    words = sticking_in_words(transitions_of(tosses, CUBE.length_scale), right, CUBE, None)
+    assert words.endswith(f"they stick or roll, where the friction may be higher than the {friction:.2f} that is learned")
 
 
 def test_bounds_on_accuracy_are_not_left_alone_beside_a_model_that_is_not_right() -> None:

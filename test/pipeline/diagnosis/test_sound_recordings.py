@@ -1,15 +1,19 @@
 """A board that is not level is named; caught bodies and simulated poses without noise are not taken for faults."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from benchmarks.data.thrown_bodies import ellipsoid
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.geometry import quaternions
-from contact_curation.geometry.polytopes import box
+from contact_curation.geometry.polytopes import Polytope, box
+from contact_curation.geometry.solids.shapes import cylinder
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
-from contact_curation.pipeline.diagnosis.findings.body import other_shape
+from contact_curation.pipeline.diagnosis.findings.body import other_shape, rounder
 from contact_curation.pipeline.diagnosis.findings.rig import incline
 from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
 from contact_curation.pipeline.diagnosis.findings.tosses import never_at_rest
@@ -22,7 +26,11 @@ BODY = Body("slab", SLAB.vertices, 0.3, CONTACTNETS_CUBE.inertia, 0.3, 0.05)
 
 
 def evidence(series: list[PoseSeries]) -> Evidence:
-    return Evidence(ReadingConfig(BODY), (Recording("a", series=tuple(series)),))
+    return evidence_of(BODY, series)
+
+
+def evidence_of(body: Body, series: list[PoseSeries]) -> Evidence:
+    return Evidence(ReadingConfig(body), (Recording("a", series=tuple(series)),))
 
 
 def askew(one: PoseSeries, degrees: float) -> PoseSeries:
@@ -69,3 +77,32 @@ def test_simulated_poses_without_noise_are_not_smoothed_where_a_corner_touches()
         touched[:FLYING] += pushed.cumsum(axis=0).cumsum(axis=0).cumsum(axis=0)
         series[number] = PoseSeries(series[number].stamps_ns, touched, series[number].orientations_wxyz)
     assert smoothed(evidence(series)) is None
+
+
+def test_a_body_of_many_corners_rests_on_its_own_faces(tmp_path: Path) -> None:
+    corners = ellipsoid(60, [0.07, 0.05, 0.04])
+    file = tmp_path / "rock.yaml"
+    file.write_text(f"name: rock\nmass: 0.3\ninertia: [2.2e-4, 3.5e-4, 4.0e-4]\nvertices: {corners.tolist()}\n")
+    series = recorded(Polytope(corners), Rig(), Throws(20))
+    seen = evidence_of(Body.from_file(file), series)
+    assert other_shape(seen) is None
+    assert seen.rig is not None
+    assert seen.rig.tilt_degrees < 0.3
+
+
+def test_a_round_body_that_rests_between_the_faces_of_its_corners_is_named_with_settings() -> None:
+    can = cylinder(0.033, 0.12)
+    prism = Polytope(can.points)
+    body = Body("can", can.points, 0.35, CONTACTNETS_CUBE.inertia, 0.3, 0.037)
+    rolled = quaternions.exp(np.array([0.0, 0.0, np.pi / 16.0]))  # half way from face to face
+    series = [
+        PoseSeries(one.stamps_ns, one.positions, quaternions.multiply(one.orientations_wxyz, rolled))
+        for one in recorded(prism, Rig(), Throws(20))
+    ]
+    seen = evidence_of(body, series)
+    found = rounder(seen)
+    assert found is not None
+    assert "22.5 degrees apart and stand for a round side" in found.what
+    assert found.settings[1] == "gates.rest_tilt=0.24"
+    assert other_shape(seen) is None
+    assert rounder(evidence(recorded(SLAB, Rig(), Throws(20)))) is None

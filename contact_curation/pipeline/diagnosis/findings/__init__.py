@@ -51,6 +51,7 @@ FINDINGS: tuple[Find, ...] = (
     orientations.order,
     body.other_unit,
     body.other_frame,
+    body.rounder,
     body.other_shape,
     poses.noisy,
     body.moving_parts,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contact_curation.motion.survey.rests import rests_of
+from contact_curation.motion.survey.rests import faces, rests_of
 from contact_curation.motion.survey.rig import RigEstimate
 from contact_curation.motion.survey.size import USUAL
 from contact_curation.pipeline.diagnosis.evidence import DEPARTING, Evidence
@@ -25,6 +25,12 @@ UNEVEN = 0.0025
 
 SMALLEST, WORTH_SIZE = 0.067, 0.02
 """Of its depth at rest: what a body of another size is higher or lower, at least; what is worth a line if faces agree on it."""
+
+ROUND = np.radians(30.0)
+"""Faces whose normals are no further apart may stand for a round side: those of prisms with twelve sides or more."""
+
+ROOM = 1.2
+"""Times what rests between faces need: a body may rest farther off than those that are seen."""
 
 BETTER_FIT = 3.0
 """Times: so much less must a wrong size leave of heights at rest than a wrong height of the board."""
@@ -59,12 +65,35 @@ def other_frame(evidence: Evidence) -> Finding | None:
     return Finding(Severity.FAULT, what, "correct the --body file or the tracked frame, or poses by settings", rig=found.rig)
 
 
+def rounder(evidence: Evidence) -> Finding | None:
+    """Bodies that rest between faces which stand for a round side, as those of the prism that a cylinder becomes do."""
+    polytope, off = evidence.body.polytope, off_flat(evidence)
+    rests = rests_of(evidence.survey.throws, polytope)
+    if evidence.tracked is not None or off is None or off["as read"] <= ASKEW or not evidence.mostly_rejected or not len(rests):
+        return None
+    up = rests.turns[:, 2]  # (K, 3) in the body's frame
+    normals = np.unique(np.round(faces(polytope)[0], 6), axis=0)
+    nearest = normals[np.argsort(up @ normals.T, axis=1)[:, :2]]  # (K, 2, 3)
+    apart = np.arccos(np.clip((nearest[:, 0] * nearest[:, 1]).sum(axis=1), -1.0, 1.0))
+    step = float(np.median(apart))
+    if step > ROUND or np.radians(off["as read"]) > 0.5 * step + np.radians(ASKEW):
+        return None
+    heights = np.sort(up @ polytope.vertices.T, axis=1)
+    flat = ROOM * float((heights[:, 2] - heights[:, 0]).max())
+    what = (
+        f"bodies rest up to {off['as read']:.0f} degrees off the faces of {evidence.body.name} as described, which are "
+        f"{np.degrees(step):.3g} degrees apart and stand for a round side"
+    )
+    settings = (f"segmenter.flat_tolerance={flat:.2g}", f"gates.rest_tilt={ROOM * 0.5 * step:.2g}")
+    return Finding(Severity.FAULT, what, "accept rests between them by settings", settings=settings)
+
+
 def other_shape(evidence: Evidence) -> Finding | None:
     """Bodies that come to rest on none of the described faces, or higher on some than others.
 
     Tosses end flat on a described face. Where most motions are tosses, what is still for a moment off every face rolls.
     """
-    if evidence.tracked is not None:
+    if evidence.tracked is not None or rounder(evidence) is not None:
         return None
     found = off_flat(evidence)
     if found is not None and found["as read"] > ASKEW and evidence.mostly_rejected:
