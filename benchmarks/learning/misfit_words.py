@@ -65,7 +65,8 @@ def sliding_line(body: Body, tosses: Sequence[Toss], seed: int) -> str:
     geometry = fitted(body, data, seed, bounces=False).geometry()
     use = friction_use(data, geometry, body)
     learned = float(np.linalg.norm(geometry.tangents[0]))
-    said = "said" if sticking_in_words(data, geometry, body, sliding_of(tosses, body)) else "not said"
+    words = sticking_in_words(data, geometry, body, sliding_of(tosses, body))
+    said = f"said: ...{words[words.rindex(', ') + 1 :]}" if words else "not said"
     return f"{learned:.3f} learned, {100.0 * (use.sliding if use else 0.0):.0f} % of frames slide, {said}"
 
 
