@@ -116,18 +116,24 @@ class Evaluation:
     @property
     def sliding_misfit(self) -> str:
         """What they say against the first model's friction; empty for nothing."""
-        rows = {one.name: one for one in self.known.parameters} if self.known else {}
-        learned = rows.get("friction")
+        learned = self._friction
         return "" if learned is None else sliding_in_words(self.sliding, learned.value, learned.interval_of_fit)
 
     @cached_property
     def sticking_misfit(self) -> str:
-        """What contacts that seldom slide say against it; empty for nothing, or where it lacks a bounce."""
+        """What contacts that seldom slide say against it; empty for nothing, and where it lacks a bounce or is not known."""
         if not self.models[0].at_optimum or (self.bounce and self.bounce.missing):
+            return ""
+        if self._friction and self._friction.interval > self._friction.value:
             return ""
         model = self.models[0].model
         data = transitions_of((*self.tosses.fitted, *self.tosses.judged_by), model.body.length_scale)
         return sticking_in_words(as_described(data, model.geometry(), model.body), model.geometry(), model.body, self.sliding)
+
+    @property
+    def _friction(self) -> KnownParameter | None:
+        """What is known of the first model's."""
+        return next((one for one in self.known.parameters if one.name == "friction"), None) if self.known else None
 
     def document(self) -> dict[str, Any]:
         """Everything, as one object for JSON."""

@@ -10,6 +10,7 @@ from contact_curation.cli.train.report import TrainReport
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.learning.uncertainty.bounce import Bounce
+from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
 from test.simulated import simulated_tosses
 
 SAID = "friction hardly used up"
@@ -28,6 +29,10 @@ def test_train_and_evaluate_say_it(friction: float, said: bool) -> None:
     assert any(line.startswith(SAID) for line in model.warnings) is said
     report = cc.evaluate(model, tosses)
     assert report.document()["friction_hardly_used_up"].startswith(SAID) is said
+    for share, heard in ((0.9, said), (1.1, False)):
+        found = KnownParameter("friction", "", 0.5, 0.0, 0.0, 0.0, 0.0, interval=0.5 * share)
+        known = Known((found,), (), 1.0, 28, 0.0, len(tosses), 0)
+        assert replace(report, known=known).sticking_misfit.startswith(SAID) is heard
 
 
 def test_a_model_that_is_no_optimum_is_not_blamed_for_its_friction() -> None:
