@@ -130,10 +130,13 @@ def measured_transforms(message: Any, *, static: bool) -> tuple[Measured, ...]:
     )
 
 
+def _named_by_ids(detection: Any) -> str:
+    return "_".join(("tag", *map(str, detection.id)))
+
+
 TAG_FRAMES: dict[str, Callable[[Any], str]] = {
     ISAAC_TAGS: lambda detection: f"{detection.family}:{detection.id}",
-    APRILTAG_ROS: lambda detection: "_".join(("tag", *map(str, detection.id))),
-    APRILTAGS2_ROS: lambda detection: "_".join(("tag", *map(str, detection.id))),
+    **dict.fromkeys((APRILTAG_ROS, APRILTAGS2_ROS), _named_by_ids),
 }
 """The message types with poses of tags in a camera, and what a tag's frame is called there.
 
