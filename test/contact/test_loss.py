@@ -12,6 +12,7 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.transitions import transitions_of
 from test.contact.cases import (
     CUBE,
     DT,
@@ -24,6 +25,7 @@ from test.contact.cases import (
     rows_of_kind,
     tracked_transitions,
 )
+from test.simulated import simulated_tosses
 
 POINT = ContactGeometry(np.zeros((1, 3)), np.array([0.0, 0.0, 1.0]), np.zeros((1, 3)), 0.18 * np.eye(2, 3))
 """One contact in the centre of mass."""
@@ -181,6 +183,16 @@ def test_threads_change_nothing_bit_for_bit() -> None:
     alone, many = (evaluate(TRUE, CUBE, rows.before, rows.after, DT, LossConfig(threads=n)) for n in (1, 4))
     for name in ("terms", "impulses", "scores", "status"):
         np.testing.assert_array_equal(getattr(alone, name), getattr(many, name))
+
+
+@pytest.mark.parametrize("mass", [0.01, 0.001, 0.00001])
+def test_of_a_light_body_too_impulses_count_as_solved_by_the_residual_that_is_given(mass: float) -> None:
+    light = replace(CUBE, mass=mass, inertia=CUBE.inertia * mass / CUBE.mass)
+    data = transitions_of(simulated_tosses(2, 1), CUBE.length_scale)
+    loss = LossConfig(threads=1, balanced=False)
+    found = evaluate(ContactGeometry.of_body(light).rigid(), light, data.before, data.after, data.dt, loss)
+    assert found.solved.mean() > 0.98
+    np.testing.assert_array_equal(found.solved, found.residuals <= loss.tolerance)
 
 
 def test_what_cannot_be_a_transition_is_refused() -> None:

@@ -596,7 +596,8 @@ void solve_with(const ConeProblem &problem, const SolverOptions &options, ConeSo
   solution.solved = solution.residual <= options.residual_tolerance;
   if (any(~solution.solved)) {
     const Lane scaled = certificate<Circular>(method, 1.0 / largest_curvature(problem));
-    solution.solved = solution.solved | (scaled <= options.residual_tolerance);
+    solution.residual = select(solution.solved, solution.residual, scaled);
+    solution.solved = solution.residual <= options.residual_tolerance;
   }
   for (int i = 0; i < problem.contacts; ++i)
     for (int c = 0; c < 3; ++c) solution.impulse[i][c] = method.impulse[i][c];
