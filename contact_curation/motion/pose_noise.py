@@ -120,7 +120,7 @@ class PoseNoise:
 
     @property
     def multiple(self) -> float:
-        """Of `RIG_NOISE`; 0 where there is too little to say, or poses come too slowly to."""
+        """Of `RIG_NOISE`; 0 where there is too little to say, or poses come too slowly to. Another thread may ask for it."""
         return self._multiples[0]
 
     @property
@@ -165,7 +165,9 @@ class PoseNoise:
     @property
     def _multiples(self) -> tuple[float, float]:
         """Of positions and orientations, by the spans; by what there is while there is none."""
-        spans = list(self._spans) or [found for found in [_scatter(self._rows)] if found is not None]
+        spans = list(self._spans)
+        if not spans and (found := _scatter(self._rows.copy())) is not None:  # at once, while another thread takes poses in
+            spans = [found]
         if not spans:
             return 0.0, 0.0
         position, turn = (sorted(each)[(len(spans) - 1) // 4] for each in zip(*spans, strict=True))

@@ -1,7 +1,10 @@
 """How much poses scatter, told by themselves."""
 
 import json
+import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -185,3 +188,22 @@ def test_a_quaternion_of_the_other_sign_is_the_same_turn() -> None:
         sign = (-1.0) ** (number // 7)
         noise.push(one.stamp_ns, one.pose.position, (sign * w, sign * x, sign * y, sign * z))
     assert noise.scale == TrackerScale(4.0, 4.0)
+
+
+def test_another_thread_may_ask_while_poses_come_in() -> None:
+    noise, poses = PoseNoise(), [replace(one, stamp_ns=10**6 * k) for k, one in enumerate(carried(3.3))]  # in one span
+
+    def feed() -> None:
+        for _ in range(20):
+            noise.reset()
+            follow(poses, noise)
+
+    interval, feeding = sys.getswitchinterval(), Thread(target=feed)
+    sys.setswitchinterval(1e-5)
+    try:
+        feeding.start()
+        while feeding.is_alive():
+            assert noise.multiple >= 0.0
+    finally:
+        feeding.join()
+        sys.setswitchinterval(interval)
