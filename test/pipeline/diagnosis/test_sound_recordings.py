@@ -14,6 +14,7 @@ from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
 from contact_curation.pipeline.diagnosis.findings.body import other_shape, rounder
+from contact_curation.pipeline.diagnosis.findings.poses import outliers
 from contact_curation.pipeline.diagnosis.findings.rig import incline
 from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
 from contact_curation.pipeline.diagnosis.findings.tosses import never_at_rest
@@ -77,6 +78,15 @@ def test_simulated_poses_without_noise_are_not_smoothed_where_a_corner_touches()
         touched[:FLYING] += pushed.cumsum(axis=0).cumsum(axis=0).cumsum(axis=0)
         series[number] = PoseSeries(series[number].stamps_ns, touched, series[number].orientations_wxyz)
     assert smoothed(evidence(series)) is None
+
+
+@pytest.mark.parametrize(("hop", "said"), [((0.9, 1.5, 0.9), False), ((0.0, 1.5, 0.0), True)])
+def test_a_body_that_hops_before_it_lies_still_is_no_outlier(hop: tuple[float, float, float], said: bool) -> None:
+    series = recorded(SLAB, Rig(), Throws(20))
+    for one in series:
+        for first in range(len(one) - 60, len(one) - 12, 12):
+            one.positions[first : first + 3, 2] += 0.001 * np.array(hop)
+    assert (outliers(evidence(series)) is not None) is said
 
 
 def test_a_body_of_many_corners_rests_on_its_own_faces(tmp_path: Path) -> None:

@@ -81,9 +81,11 @@ def outliers(evidence: Evidence) -> Finding | None:
         windows = np.lib.stride_tricks.sliding_window_view(series.positions, 2 * BESIDE + 1, axis=0)  # (W, 3, 9)
         middle = np.median(windows, axis=2)
         quiet = np.linalg.norm(np.percentile(windows, 80, axis=2) - np.percentile(windows, 20, axis=2), axis=1) < QUIET
-        distances = np.linalg.norm(series.positions[BESIDE:-BESIDE] - middle, axis=1)[quiet]
-        slow += len(distances)
-        jumps += distances[distances > max(FAR, 12.0 * evidence.survey.noise)].tolist()
+        near = windows[:, :, BESIDE - 1 : BESIDE + 2] - middle[:, :, np.newaxis]  # (W, 3, 3) the pose between its neighbours
+        before, distances, after = np.linalg.norm(near, axis=1).T
+        alone = 2.0 * np.maximum(before, after) < distances  # a body that rocks or hops is off in several frames
+        slow += int(quiet.sum())
+        jumps += distances[quiet & alone & (distances > max(FAR, 12.0 * evidence.survey.noise))].tolist()
     if not slow or len(jumps) < OFTEN * slow:
         return None
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
