@@ -64,6 +64,8 @@ POSES = (
     "sec,nanosec,pose.position.x,p.y,p.z,q.w,q.x,q.y,q.z,frame\n1,5,0,0,1,1,0,0,0,map\n1,10000005,,,,,,,,map\n",
     ",,Rotation,Rotation,Rotation,Rotation,Position,Position,Position\nFrame,Time [ms],X,Y,Z,W,X [mm],Y,Z\n0,0,0,0,0,1,0,0,1\n",
     "t;x;y;z;qw;qx;qy;qz\n0,5;0,1;0;1;1;0;0;0\n0,51;0,1;0;1;1;0;0;0\n",
+    "t,x,y,z,roll,pitch,yaw\n0.5,0,0,1,10,0,-20\n0.51,0,0,1,10,0,-20\n",
+    "date,time,x,y,z,r11,r12,r13,r21,r22,r23,r31,r32,r33\n2026-11-28,10:00:00.5,0,0,1,1,0,0,0,1,0,0,0,1\n",
 )
 CORNERS = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))

@@ -27,6 +27,7 @@ from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.session.parameter_files import read_node_parameters
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import read_contactnets
+from contact_curation.storage.datasets.orientations import UNTOLD, AngleConvention
 from contact_curation.storage.datasets.pose_table import PoseTable
 from contact_curation.storage.inputs.bag_tosses import read_bag_tosses
 from contact_curation.storage.inputs.records import InputsConfig
@@ -130,7 +131,8 @@ def _pt(path: Path) -> None:
 
 
 def _poses(path: Path) -> None:
-    for _ in PoseTable(path):
+    angles = b"pitch" in path.read_bytes()
+    for _ in PoseTable(path, angles=AngleConvention("xyz", "deg") if angles else UNTOLD):
         pass
 
 
