@@ -45,7 +45,7 @@ UNITS_OF_LENGTH = {
 }
 """[m] Others are metres."""
 
-IDENTIFIER = re.compile(r"\b[0-9A-Fa-f]{8,}(-?[0-9A-Fa-f]{4,})*\b")
+IDENTIFIER = re.compile(r"\b[0-9A-Fa-f]{8,}(-[0-9A-Fa-f]{4,})*\b")
 """Of a body, as Motive writes: no words."""
 
 SHOWN = 12
