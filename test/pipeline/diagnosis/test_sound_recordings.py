@@ -13,7 +13,7 @@ from contact_curation.geometry.solids.shapes import cylinder
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
-from contact_curation.pipeline.diagnosis.findings.body import other_shape, rounder
+from contact_curation.pipeline.diagnosis.findings.body import other_shape, round_side
 from contact_curation.pipeline.diagnosis.findings.poses import outliers
 from contact_curation.pipeline.diagnosis.findings.rig import incline
 from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
@@ -110,9 +110,9 @@ def test_a_round_body_that_rests_between_the_faces_of_its_corners_is_named_with_
         for one in recorded(prism, Rig(), Throws(20))
     ]
     seen = evidence_of(body, series)
-    found = rounder(seen)
+    found = round_side(seen)
     assert found is not None
     assert "22.5 degrees apart and stand for a round side" in found.what
     assert found.settings[1] == "gates.rest_tilt=0.24"
     assert other_shape(seen) is None
-    assert rounder(evidence(recorded(SLAB, Rig(), Throws(20)))) is None
+    assert round_side(evidence(recorded(SLAB, Rig(), Throws(20)))) is None

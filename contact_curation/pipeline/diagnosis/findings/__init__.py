@@ -51,7 +51,7 @@ FINDINGS: tuple[Find, ...] = (
     orientations.order,
     body.other_unit,
     body.other_frame,
-    body.rounder,
+    body.round_side,
     body.other_shape,
     poses.noisy,
     body.moving_parts,

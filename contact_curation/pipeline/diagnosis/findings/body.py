@@ -65,7 +65,7 @@ def other_frame(evidence: Evidence) -> Finding | None:
     return Finding(Severity.FAULT, what, "correct the --body file or the tracked frame, or poses by settings", rig=found.rig)
 
 
-def rounder(evidence: Evidence) -> Finding | None:
+def round_side(evidence: Evidence) -> Finding | None:
     """Bodies that rest between faces which stand for a round side, as those of the prism that a cylinder becomes do."""
     polytope, off = evidence.body.polytope, off_flat(evidence)
     rests = rests_of(evidence.survey.throws, polytope)
@@ -93,7 +93,7 @@ def other_shape(evidence: Evidence) -> Finding | None:
 
     Tosses end flat on a described face. Where most motions are tosses, what is still for a moment off every face rolls.
     """
-    if evidence.tracked is not None or rounder(evidence) is not None:
+    if evidence.tracked is not None or round_side(evidence) is not None:
         return None
     found = off_flat(evidence)
     if found is not None and found["as read"] > ASKEW and evidence.mostly_rejected:
