@@ -1,8 +1,9 @@
 """Solves, scores and sums all transitions: how fast, how exactly, and how torch compares (method.md 4.1, 6.2).
 
-The tosses are ContactNets', found through CONTACTNETS_DATA; without them, simulated ones. Parameters are the true ones.
+The tosses are ContactNets', found through CONTACTNETS_DATA; without them, simulated ones. Parameters are the true ones. Beside
+it, simulated tosses of bodies with other numbers of corners, on one thread.
 
-    python -m benchmarks.speed.evaluation [--json] [--repeats N] [--plain N]
+    python -m benchmarks.speed.evaluation [--json] [--repeats N] [--plain N] [--corners K ...]
 """
 
 import argparse
@@ -23,12 +24,12 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.contact.torch_evaluation import evaluate_in_torch
-from test.simulated import FRAME_PERIOD, RIG_NOISE, simulated_tosses
+from test.simulated import FRAME_PERIOD, RIG_NOISE, ellipsoid, simulated_tosses
 
 BODY = CONTACTNETS_CUBE
 GEOMETRY = ContactGeometry.of_body(BODY)
-SIMULATED = 100
-"""Tosses, where there are no real ones."""
+SIMULATED, OF_CORNERS = 100, 10
+"""Tosses, where there are no real ones, and of each other body."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,16 @@ class Comparison:
 
 
 @dataclass(frozen=True)
+class OfCorners:
+    """Of bodies with so many corners [us per transition], on one thread with the circular cone."""
+
+    corners: int
+    transitions: int
+    scores: float
+    gauss_newton: float
+
+
+@dataclass(frozen=True)
 class Report:
     """Everything, as --json prints it."""
 
@@ -78,6 +89,7 @@ class Report:
     timings: list[Timing]
     accuracies: list[Accuracy]
     comparisons: list[Comparison]
+    bodies: list[OfCorners]
 
 
 def main() -> int:
@@ -86,6 +98,7 @@ def main() -> int:
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     parser.add_argument("--repeats", type=int, default=5, help="repetitions of each timing (default 5)")
     parser.add_argument("--plain", type=int, default=4000, help="transitions on which torch is compared (default 4000)")
+    parser.add_argument("--corners", type=int, nargs="+", default=[4, 8, 16, 32, 64], help="of the other bodies")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     name, rows = transitions()
@@ -96,6 +109,7 @@ def main() -> int:
         timings=[timing(rows, work, cone, threads, arguments.repeats) for cone in Cone for work in WORK for threads in (1, 2)],
         accuracies=[accuracy(rows, cone) for cone in Cone],
         comparisons=[comparison(rows, cone, arguments.plain) for cone in Cone],
+        bodies=[of_corners(count, arguments.repeats) for count in arguments.corners],
     )
     print(json.dumps(asdict(report), indent=2)) if arguments.json else print_tables(report)
     return 0
@@ -181,6 +195,22 @@ def comparison(rows: Transitions, cone: Cone, count: int) -> Comparison:
     )
 
 
+def of_corners(count: int, repeats: int) -> OfCorners:
+    """On simulated tosses of an ellipsoid with so many corners."""
+    body, config = ellipsoid(count), LossConfig(threads=1)
+    geometry = ContactGeometry.of_body(body).rigid()
+    rows = transitions_of(simulated_tosses(OF_CORNERS, seed=0, noise=RIG_NOISE, body=body), body.length_scale)
+    solved = best_of(repeats, lambda: evaluate(geometry, body, rows.before, rows.after, rows.dt, config))
+    summed = best_of(
+        repeats,
+        lambda: fisher_sums(
+            geometry, body, rows.before, rows.after, rows.dt, rows.starts, Estimator.GAUSS_NEWTON, config=config
+        ),
+    )
+    each = 1e6 / len(rows.before)
+    return OfCorners(count, len(rows.before), each * solved, each * summed)
+
+
 def largest(values: Array) -> float:
     """The largest magnitude."""
     return float(np.abs(values).max())
@@ -203,6 +233,9 @@ def print_tables(report: Report) -> None:
             f"{pair.cone:10}  {pair.transitions:11d}  {pair.torch_microseconds_per_transition:13.1f}"
             f"  {pair.times_slower:12.1f}  {pair.torch_failures:8d}  {pair.torch_worst_residual:14.1e}  {differ}"
         )
+    print("\ncorners  transitions  impulses and scores, us  with Gauss-Newton matrices, us")
+    for body in report.bodies:
+        print(f"{body.corners:7d}  {body.transitions:11d}  {body.scores:23.1f}  {body.gauss_newton:30.1f}")
 
 
 if __name__ == "__main__":

@@ -11,9 +11,11 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.torch_contacts import Frames
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.transitions import transitions_of
 from contact_curation.solver.certificate import FACET_NORMALS, FREE_TOLERANCE, free_directions
 from test.contact.cases import CUBE, DT, KINDS, TRUE, Rows, noisy_geometry, rows_of_kind, tracked_transitions
 from test.contact.torch_fisher import profile_fishers
+from test.simulated import RIG_NOISE, ellipsoid, simulated_tosses
 
 HEIGHT = 57
 
@@ -37,6 +39,25 @@ def test_the_gauss_newton_matrix_is_the_dense_one(kind: str, geometry: ContactGe
     assert (np.abs(ours - dense) / scale).max() < 1e-7
     assert np.abs(ours - ours.transpose(0, 2, 1)).max() == 0.0
     assert np.linalg.eigvalsh(dense / scale).min() > -1e-7
+
+
+@pytest.mark.parametrize("cone", list(Cone))
+@pytest.mark.parametrize("corners", [5, 40])
+def test_of_any_number_of_corners_the_matrix_is_the_dense_one(corners: int, cone: Cone) -> None:
+    """Contacts in the air are eliminated one by one, those on the ground together: of which kind they are must not matter."""
+    body, config = ellipsoid(corners), LossConfig(cone=cone)
+    geometry = ContactGeometry.of_body(body)
+    rows = transitions_of(simulated_tosses(2, seed=3, noise=RIG_NOISE, body=body), body.length_scale)
+    chosen = np.linspace(0, len(rows.before) - 1, 40).astype(int)
+    before, after, dt = rows.before[chosen], rows.after[chosen], rows.dt[chosen]
+    edges = np.arange(len(chosen) + 1)
+    ours = fisher_sums(geometry, body, before, after, dt, edges, Estimator.GAUSS_NEWTON, np.inf, config).fishers
+    impulses = evaluate(geometry, body, before, after, dt, config).impulses
+    assert (np.count_nonzero(impulses[:, :, 0] > FREE_TOLERANCE, axis=1) > corners // 2).any()
+    frames = Frames.of(body, before, after, dt)
+    dense = profile_fishers(geometry, frames, impulses, config.for_theta(body, geometry.is_rigid))
+    scale = np.abs(dense).max(axis=(1, 2), keepdims=True) + 1e-12
+    assert (np.abs(ours - dense) / scale).max() < 1e-10
 
 
 def test_impulses_move_freely_inside_along_the_cone_and_not_at_its_apex() -> None:

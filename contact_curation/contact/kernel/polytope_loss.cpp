@@ -85,8 +85,7 @@ void evaluate_toss(const BouncingModel &model, const Evaluation &job, const doub
       if (status != kSolved) continue;  // counted by its status, never a zero score in disguise
       if (job.score_sum)
         for (int k = 0; k < sums.parameters; ++k) sums.run_score[k] += sums.row[k];
-      if (job.fisher && job.estimator == kEmpirical)
-        ProfileFisher::add_outers({{sums.row.data(), 1.0}}, sums.run.data(), sums.stride);
+      if (job.fisher && job.estimator == kEmpirical) add_outers({{sums.row.data(), 1.0}}, sums.run.data(), sums.stride);
       if (job.fisher && job.estimator == kGaussNewton)
         sums.profile.add(at.transition, at.problem, at.solution, at.outcome, lane, influence * influence, sums.run.data(),
                          sums.stride);

@@ -2,14 +2,25 @@
 // P = I - J_l (J_l^T J_l + eps I)^-1 J_l^T removes what a change of the impulses l can explain; J_l = dr/dl is restricted to
 // the free directions of l, along which l may change in both senses.
 //
-// The residuals r are sqrt(w_m) (A l - b), the gaps times impulses, the slips e_i and the slacks. Their Jacobians are never
-// stored as full matrices: a contact has entries in its few own columns, and acts on all other columns only through the six
-// rows of A l.
+// Contacts act on each other only through the six numbers of A l. Of contact i let J be the derivatives by theta of its own
+// residuals, D = J_l^T J_l + eps I of these, C = J_l^T J and M_i the columns of A, all along its free directions; let V be
+// d(A l)/dtheta at fixed l, E_j the derivative of slack j at a fixed velocity, and sums over j those over active slacks. With
+//
+//   S = w_m I + w_s sum_j B_j^T B_j,   U = w_s sum_j B_j^T E_j
+//
+// the impulses of contacts can be eliminated one after another:
+//
+//   F = sum_i (J^T J - C^T D^-1 C)_i + w_s sum_j E_j^T E_j - U^T S^-1 U + Z^T H Z
+//   Z = V - sum_i (M D^-1 C)_i + S^-1 U,   H = (S^-1 + sum_i (M D^-1 M^T)_i)^-1
+//
+// The D of a contact that touches the ground is nearly singular, so that M D^-1 is large. Such contacts are left out of the
+// sums with D^-1 and eliminated last, together:  - X^T (D + M^T H M)^-1 X,  X = C + M^T H Z.
 #pragma once
 
 #include <cstring>
 #include <vector>
 
+#include "dense_rows.hpp"
 #include "polytope_transition.hpp"
 
 namespace contact_curation {
@@ -17,70 +28,56 @@ namespace contact_curation {
 // An impulse component is at the cone's apex below this, and inside the cone when its dual is below this [kg half-widths / s].
 constexpr double kFreeTolerance = 1e-6;
 
+// A contact counts as touching where the velocity's residual resists its impulse so many times more than its own ones do.
+constexpr double kTouching = 1e3;
+
 class ProfileFisher {
  public:
   ProfileFisher(const BouncingModel &model) : model_(model), contacts_(model.contacts), parameters_(parameter_count(model)) {
     stride_ = (parameters_ + kLanes - 1) / kLanes * kLanes;
     velocity_rows_.resize(6 * stride_);
-    pulled_.resize(6 * stride_);
-    slack_rows_.resize(contacts_ * stride_);
-    free_rows_.resize(3 * contacts_ * stride_);
+    slack_rows_.resize(6 * stride_);
+    whitened_rows_.resize(6 * stride_);
+    touching_rows_.resize(3 * contacts_ * stride_);
   }
+
+  int stride() const { return stride_; }
 
   // Adds weight * F of one lane to the lower triangle of `fisher` (P x P, row-major, rows `stride` apart).
   void add(const Transition &at, const ConeProblem &problem, const ConeSolution &solution, const Outcome &outcome, int lane,
            double weight, double *fisher, int stride) {
     unpack(at, problem, solution, outcome, lane);
     differentiate_velocity();
-    differentiate_slacks();
-    differentiate_contacts();
-    const int free = eliminate();
+    factor_velocity();
+    for (int i = 0; i < contacts_; ++i) {
+      differentiate_contact(i);
+      if (slack_[i] < 0.0) differentiate_slack(i);
+      eliminate(i);
+      add_own(weight, fisher, stride);
+    }
+    whiten();
+    eliminate_touching();
     weighted_.clear();
-    for (int k = 0; k < 6; ++k) weighted_.push_back({&velocity_rows_[k * stride_], weight * model_.match_weight});
-    for (int k = 0; k < active_; ++k) weighted_.push_back({&slack_rows_[k * stride_], weight * model_.slack_weight});
-    for (int k = 0; k < free; ++k) weighted_.push_back({&free_rows_[k * stride_], -weight});
+    for (int k = 0; k < 6; ++k) weighted_.push_back({&whitened_rows_[k * stride_], weight});
+    for (int k = 0; k < 6; ++k) weighted_.push_back({&slack_rows_[k * stride_], -weight});
+    for (int k = 0; k < touching_; ++k) weighted_.push_back({&touching_rows_[k * stride_], -weight});
     add_outers(weighted_, fisher, stride);
-    for (int i = 0; i < contacts_; ++i) add_contact(i, weight, fisher, stride);
   }
-
-  struct WeightedRow {
-    const double *row;
-    double weight;
-  };
 
  private:
-  // into += weight * row, row after row, in whole vectors; `width` numbers at least.
-  static void add_rows(const WeightedRow *rows, int count, double *into, int width) {
-    int q = 0;
-    for (; q + 3 * kPack < width; q += 4 * kPack) add_to_packs<4>(rows, count, into, q);
-    if (q + 2 * kPack < width)
-      add_to_packs<3>(rows, count, into, q);
-    else if (q + kPack < width)
-      add_to_packs<2>(rows, count, into, q);
-    else if (q < width)
-      add_to_packs<1>(rows, count, into, q);
+  // Rows of one contact, whose derivatives by theta are zero but in its own columns: phi', the two e_i, and an active slack.
+  // The columns are in order: those of its vertex, the normal, its tangent vertex, the tangents, the height and, if the body
+  // bounces, the restitution.
+  enum OwnRow { kGap = 0, kCone = 1, kSlack = 3, kOwnRows = 4 };
+  enum OwnColumn { kVertex = 0, kNormal = 3, kVertexTangent = 6, kTangents = 9, kHeight = 15, kRestitution = 16 };
+  static constexpr int kOwnWidth = 3 * kLanes;
+  int own_columns() const { return model_.bounces ? kRestitution + 1 : kHeight + 1; }
+  int column(int i, int k) const {
+    if (k < kNormal) return vertex(i) + k;
+    if (k < kVertexTangent) return normal() + k - kNormal;
+    if (k < kTangents) return vertex_tangent(i) + k - kVertexTangent;
+    return k < kHeight ? tangent(0) + k - kTangents : height() + k - kHeight;
   }
-
-  // The same for so many vectors from number q on, which stay in registers while all rows are added to them.
-  template <int Packs>
-  static void add_to_packs(const WeightedRow *rows, int count, double *into, int q) {
-    Pack sums[Packs];
-    for (int p = 0; p < Packs; ++p) std::memcpy(&sums[p], into + q + p * kPack, sizeof(Pack));
-    for (int k = 0; k < count; ++k)
-      for (int p = 0; p < Packs; ++p) {
-        Pack row;
-        std::memcpy(&row, rows[k].row + q + p * kPack, sizeof row);
-        sums[p] += rows[k].weight * row;
-      }
-    for (int p = 0; p < Packs; ++p) std::memcpy(into + q + p * kPack, &sums[p], sizeof(Pack));
-  }
-
-  struct Sparse {
-    int column[16];
-    double value[16];
-    int size = 0;
-    void put(int at, double x) { column[size] = at, value[size++] = x; }
-  };
 
   // Derivatives of a gap by the contact's vertex and by the ground's normal; that by the height is -1.
   struct GapSlopes {
@@ -93,7 +90,6 @@ class ProfileFisher {
   int vertex_tangent(int i) const { return 3 * contacts_ + 3 + 3 * i; }
   int tangent(int t) const { return 6 * contacts_ + 3 + 3 * t; }
   int height() const { return 6 * contacts_ + 9; }
-  int restitution() const { return 6 * contacts_ + 10; }
 
   static void cross3(const double *a, const double *b, double *c) {
     c[0] = a[1] * b[2] - a[2] * b[1], c[1] = a[2] * b[0] - a[0] * b[2], c[2] = a[0] * b[1] - a[1] * b[0];
@@ -181,34 +177,34 @@ class ProfileFisher {
       for (int b = 0; b < 3; ++b) velocity_rows_[(3 + a) * stride_ + column] += model_.inverse_inertia[3 * a + b] * torque[b];
   }
 
-  // Rows of the active slacks, and pulled = w_m dA l/dtheta + w_s sum_j B_j^T (row of slack j).
-  void differentiate_slacks() {
-    for (int k = 0; k < 6 * stride_; ++k) pulled_[k] = model_.match_weight * velocity_rows_[k];
-    active_ = 0;
-    WeightedRow added[6 + kMaxContacts];
+  // S = L L^T in velocity_factor_; nothing is eliminated yet.
+  void factor_velocity() {
+    for (int a = 0; a < 6; ++a)
+      for (int b = 0; b <= a; ++b) velocity_factor_[a][b] = a == b ? model_.match_weight : 0.0;
     for (int j = 0; j < contacts_; ++j) {
       if (slack_[j] >= 0.0) continue;
-      double *row = &slack_rows_[active_ * stride_];
-      std::fill(row, row + stride_, 0.0);
-      for (int k = 0; k < 6; ++k) added[k] = {&velocity_rows_[k * stride_], slack_row_[j][k]};
-      add_rows(added, 6, row, stride_);
-      const GapSlopes gap = gap_slopes_after(j, moving_);
-      for (int a = 0; a < 3; ++a) row[vertex(j) + a] += gap.vertex[a], row[normal() + a] += gap.normal[a];
-      row[height()] -= 1.0;
-      if (model_.bounces) {
-        double slope[7];
-        differentiate_restitution(j, slope);
-        for (int a = 0; a < 3; ++a) row[vertex(j) + a] += slope[a], row[normal() + a] += slope[3 + a];
-        row[height()] += slope[6];
-        row[restitution()] += depth_[j];
-      }
-      active_index_[active_++] = j;
+      for (int a = 0; a < 6; ++a)
+        for (int b = 0; b <= a; ++b) velocity_factor_[a][b] += model_.slack_weight * slack_row_[j][a] * slack_row_[j][b];
     }
-    for (int k = 0; k < 6; ++k) {
-      for (int s = 0; s < active_; ++s)
-        added[s] = {&slack_rows_[s * stride_], model_.slack_weight * slack_row_[active_index_[s]][k]};
-      add_rows(added, active_, &pulled_[k * stride_], stride_);
-    }
+    factor(velocity_factor_[0], 6, 6, least_pivot());
+    std::fill(slack_rows_.begin(), slack_rows_.end(), 0.0);
+    for (double (&row)[6] : spread_) std::fill(row, row + 6, 0.0);
+    touching_ = 0;
+  }
+
+  // E_j as the last of the contact's own rows, and its part of L^-1 U in slack_rows_.
+  void differentiate_slack(int j) {
+    double *row = own_rows_[kSlack];
+    const GapSlopes gap = gap_slopes_after(j, moving_);
+    for (int a = 0; a < 3; ++a) row[kVertex + a] = gap.vertex[a], row[kNormal + a] = gap.normal[a];
+    row[kHeight] = -1.0;
+    if (model_.bounces) add_restitution(j, row);
+    weights_[kSlack][kSlack] = model_.slack_weight;
+    double pull[6];
+    for (int k = 0; k < 6; ++k) pull[k] = model_.slack_weight * slack_row_[j][k];
+    solve_rows(velocity_factor_[0], 6, 6, pull, 1);
+    for (int k = 0; k < 6; ++k)
+      for (int q = 0; q < own_columns(); ++q) slack_rows_[k * stride_ + own_column_[q]] += pull[k] * row[q];
   }
 
   // Slopes of phi_i + dt J_i velocity, the linearised gap of contact i after the period.
@@ -226,54 +222,48 @@ class ProfileFisher {
     return slopes;
   }
 
-  // Slopes of the restitution term e times the depth of contact i: by its vertex (3), the normal (3) and the height (1).
-  void differentiate_restitution(int i, double *slope) const {
+  // Adds the slopes of the restitution term e times the depth of contact i.
+  void add_restitution(int i, double *row) const {
     const double share = depth_[i] < 0.0 ? model_.restitution : 0.0, still[6] = {0, 0, 0, 0, 0, 0};
     const double from_above = gap_[i] < 0.0 ? 0.0 : 1.0;  // else the gap before is left out of the depth
     const GapSlopes after = gap_slopes_after(i, free_), before = gap_slopes_after(i, still);
     for (int a = 0; a < 3; ++a) {
-      slope[a] = share * (after.vertex[a] - (1.0 - from_above) * before.vertex[a]);
-      slope[3 + a] = share * (after.normal[a] - (1.0 - from_above) * before.normal[a]);
+      row[kVertex + a] += share * (after.vertex[a] - (1.0 - from_above) * before.vertex[a]);
+      row[kNormal + a] += share * (after.normal[a] - (1.0 - from_above) * before.normal[a]);
     }
-    slope[6] = -share * from_above;
+    row[kHeight] -= share * from_above;
+    row[kRestitution] += depth_[i];
   }
 
-  // Per contact: the closed-gap row and the two rows of e_i, each on its own few columns.
-  void differentiate_contacts() {
-    for (int i = 0; i < contacts_; ++i) {
-      const double *p = model_.vertices_normal + 3 * i, *pt = model_.vertices_tangent + 3 * i;
-      Sparse &gap = gap_rows_[i];
-      gap.size = 0;
-      for (int a = 0; a < 3; ++a) gap.put(vertex(i) + a, normal_body_next_[a]);
-      for (int a = 0; a < 3; ++a) {
-        double arm = position_next_[a];
-        for (int b = 0; b < 3; ++b) arm += rotation_next_[a][b] * p[b];
-        gap.put(normal() + a, arm);
-      }
-      gap.put(height(), -1.0);
-      if (model_.bounces) {
-        double slope[7];
-        differentiate_restitution(i, slope);
-        for (int k = 0; k < 7; ++k) gap.value[k] += slope[k];
-        gap.put(restitution(), depth_[i]);
-      }
-      double swept[3], travel[3], spun[2][3];
-      cross3(velocity_next_ + 3, pt, swept);
-      for (int a = 0; a < 3; ++a) {
-        travel[a] = velocity_next_[a];
-        for (int b = 0; b < 3; ++b) travel[a] += rotation_[a][b] * swept[b];
-      }
-      for (int t = 0; t < 2; ++t) cross3(tangents_body_[t], velocity_next_ + 3, spun[t]);
-      for (int t = 0; t < 2; ++t) {
-        Sparse &row = cone_rows_[i][t];
-        row.size = 0;
-        double mix[2];
-        for (int b = 0; b < 2; ++b)
-          mix[b] = (t == b ? impulse_[i][0] : 0.0) + (speed_[i] > 0.0 ? impulse_[i][1 + t] * slip_[i][b] / speed_[i] : 0.0);
-        for (int a = 0; a < 3; ++a) row.put(vertex_tangent(i) + a, mix[0] * spun[0][a] + mix[1] * spun[1][a]);
-        for (int b = 0; b < 2; ++b)
-          for (int a = 0; a < 3; ++a) row.put(tangent(b) + a, mix[b] * travel[a]);
-      }
+  // The contact's own rows: slopes of phi'_i and of the two e_i; weights_ makes J^T J of them.
+  void differentiate_contact(int i) {
+    const double *l = impulse_[i], *p = model_.vertices_normal + 3 * i, *pt = model_.vertices_tangent + 3 * i;
+    for (int q = 0; q < own_columns(); ++q) own_column_[q] = column(i, q);
+    std::memset(own_rows_, 0, sizeof own_rows_);
+    std::memset(weights_, 0, sizeof weights_);
+    double *gap = own_rows_[kGap];
+    for (int a = 0; a < 3; ++a) {
+      gap[kVertex + a] = normal_body_next_[a];
+      gap[kNormal + a] = position_next_[a];
+      for (int b = 0; b < 3; ++b) gap[kNormal + a] += rotation_next_[a][b] * p[b];
+    }
+    gap[kHeight] = -1.0;
+    if (model_.bounces) add_restitution(i, gap);
+    weights_[kGap][kGap] = model_.normal_weight * l[0] * l[0] + model_.tangent_weight * (l[1] * l[1] + l[2] * l[2]);
+    double swept[3], travel[3], spun[2][3];
+    cross3(velocity_next_ + 3, pt, swept);
+    for (int a = 0; a < 3; ++a) {
+      travel[a] = velocity_next_[a];
+      for (int b = 0; b < 3; ++b) travel[a] += rotation_[a][b] * swept[b];
+    }
+    for (int t = 0; t < 2; ++t) cross3(tangents_body_[t], velocity_next_ + 3, spun[t]);
+    for (int t = 0; t < 2; ++t) {
+      double *row = own_rows_[kCone + t], mix[2];
+      for (int b = 0; b < 2; ++b) mix[b] = (t == b ? l[0] : 0.0) + (speed_[i] > 0.0 ? l[1 + t] * slip_[i][b] / speed_[i] : 0.0);
+      for (int a = 0; a < 3; ++a) row[kVertexTangent + a] = mix[0] * spun[0][a] + mix[1] * spun[1][a];
+      for (int b = 0; b < 2; ++b)
+        for (int a = 0; a < 3; ++a) row[kTangents + 3 * b + a] = mix[b] * travel[a];
+      weights_[kCone + t][kCone + t] = model_.cone_weight;
     }
   }
 
@@ -313,138 +303,143 @@ class ProfileFisher {
     return 1;
   }
 
-  // Leaves L^-1 J_l^T J_theta in free_rows_, L the Cholesky factor of J_l^T J_l + eps I; returns the number of rows.
-  int eliminate() {
-    const int count = project();
-    add_shared_gram(count);
-    factor(count);
-    return count;
-  }
-
-  // J_l^T J_theta in free_rows_, A J_l in moved_, and in gram_ the blocks of J_l^T J_l + eps I that a contact has alone;
-  // returns the number of free directions.
-  int project() {
-    int count = 0;
-    for (int i = 0; i < contacts_; ++i) {
-      double basis[3][3];
-      const int free = free_directions(i, basis);
-      const int first = count;
-      for (int k = 0; k < free; ++k, ++count) {
-        for (int a = 0; a < 6; ++a) {
-          moved_[count][a] = 0.0;
-          for (int c = 0; c < 3; ++c) moved_[count][a] += motion_[i][c][a] * basis[k][c];
-        }
-        cross_row(i, basis[k], moved_[count], &free_rows_[count * stride_]);
-      }
-      for (int k = 0; k < free; ++k) {
-        for (int other = 0; other <= first + k; ++other) gram_[first + k][other] = 0.0;
-        double curved[3];
-        const double *d = block_[i], *x = basis[k];
-        curved[0] = d[0] * x[0] + d[1] * x[1] + d[2] * x[2];
-        curved[1] = d[1] * x[0] + d[3] * x[1] + d[4] * x[2];
-        curved[2] = d[2] * x[0] + d[4] * x[1] + d[5] * x[2];
-        for (int other = 0; other <= k; ++other)
-          for (int c = 0; c < 3; ++c) gram_[first + k][first + other] += curved[c] * basis[other][c];
-        gram_[first + k][first + k] += model_.regularization;
-      }
+  // Takes the impulse of contact i out of its own rows and of the velocity's, or adds it to those that touch.
+  void eliminate(int i) {
+    double basis[3][3], moved[3][6], gram[3][3];
+    const int free = free_directions(i, basis);
+    double pulled[3][3];  // C as multiples of the own rows
+    const double *d = block_[i], *l = impulse_[i];
+    for (int k = 0; k < free; ++k) {
+      const double *x = basis[k];
+      for (int a = 0; a < 6; ++a) moved[k][a] = motion_[i][0][a] * x[0] + motion_[i][1][a] * x[1] + motion_[i][2][a] * x[2];
+      pulled[k][kGap] =
+          gap_next_[i] * (model_.normal_weight * l[0] * x[0] + model_.tangent_weight * (l[1] * x[1] + l[2] * x[2]));
+      for (int t = 0; t < 2; ++t) pulled[k][kCone + t] = model_.cone_weight * (slip_[i][t] * x[0] + speed_[i] * x[1 + t]);
+      const double curved[3] = {d[0] * x[0] + d[1] * x[1] + d[2] * x[2], d[1] * x[0] + d[3] * x[1] + d[4] * x[2],
+                                d[2] * x[0] + d[4] * x[1] + d[5] * x[2]};
+      for (int m = 0; m <= k; ++m) gram[k][m] = curved[0] * basis[m][0] + curved[1] * basis[m][1] + curved[2] * basis[m][2];
+      gram[k][k] += model_.regularization;
     }
-    return count;
+    if (!eliminate_far(free, gram, moved, pulled)) keep_touching(free, gram, moved, pulled);
   }
 
-  // Adds to J_l^T J_l what contacts have in common: the residual of the velocity, and the active slacks.
-  void add_shared_gram(int count) {
-    for (int a = 0; a < count; ++a)
-      for (int b = 0; b <= a; ++b)
-        for (int k = 0; k < 6; ++k) gram_[a][b] += model_.match_weight * moved_[a][k] * moved_[b][k];
-    for (int s = 0; s < active_; ++s) {
-      double reach[3 * kMaxContacts];
-      for (int a = 0; a < count; ++a) {
-        reach[a] = 0.0;
-        for (int k = 0; k < 6; ++k) reach[a] += slack_row_[active_index_[s]][k] * moved_[a][k];
-      }
-      for (int a = 0; a < count; ++a)
-        for (int b = 0; b <= a; ++b) gram_[a][b] += model_.slack_weight * reach[a] * reach[b];
+  // Says whether the contact is far enough from the ground for that.
+  bool eliminate_far(int free, const double (*gram)[3], const double (*moved)[6], const double (*pulled)[3]) {
+    double root[3][3], by_velocity[3][6], by_own[3][3], resisted = 0.0;
+    std::memcpy(root, gram, sizeof root);
+    std::memcpy(by_velocity, moved, sizeof by_velocity);
+    std::memcpy(by_own, pulled, sizeof by_own);
+    factor(root[0], 3, free, least_pivot());
+    solve_rows(root[0], 3, free, by_velocity[0], 6);
+    solve_rows(root[0], 3, free, by_own[0], 3);
+    for (int k = 0; k < free; ++k)
+      for (int a = 0; a < 6; ++a) resisted += model_.match_weight * by_velocity[k][a] * by_velocity[k][a];
+    if (!(resisted <= kTouching)) return false;
+    for (int k = 0; k < free; ++k) {
+      for (int a = 0; a < 6; ++a)
+        for (int b = 0; b <= a; ++b) spread_[a][b] += by_velocity[k][a] * by_velocity[k][b];
+      for (int a = 0; a < 3; ++a)
+        for (int b = 0; b < 3; ++b) weights_[a][b] -= by_own[k][a] * by_own[k][b];
     }
+    for (int a = 0; a < 6; ++a) {
+      double share[3] = {0, 0, 0};
+      for (int k = 0; k < free; ++k)
+        for (int r = 0; r < 3; ++r) share[r] += by_velocity[k][a] * by_own[k][r];
+      double *row = &velocity_rows_[a * stride_];
+      for (int q = 0; q < own_columns(); ++q)
+        row[own_column_[q]] -= share[0] * own_rows_[0][q] + share[1] * own_rows_[1][q] + share[2] * own_rows_[2][q];
+    }
+    return true;
   }
 
-  // Factors gram_ = L L^T in place, and multiplies free_rows_ by L^-1.
-  void factor(int count) {
-    WeightedRow earlier[3 * kMaxContacts];
-    for (int a = 0; a < count; ++a) {
-      double *row = &free_rows_[a * stride_];
-      for (int b = 0; b < a; ++b) {
-        double value = gram_[a][b];
-        for (int k = 0; k < b; ++k) value -= gram_[a][k] * gram_[b][k];
-        gram_[a][b] = value / gram_[b][b];
-        earlier[b] = {&free_rows_[b * stride_], -gram_[a][b]};
-      }
-      add_rows(earlier, a, row, stride_);
-      double pivot = gram_[a][a];
-      for (int k = 0; k < a; ++k) pivot -= gram_[a][k] * gram_[a][k];
-      const double least = model_.regularization * 1e-3;
-      gram_[a][a] = std::sqrt(pivot > least ? pivot : least);
-      for (int q = 0; q < stride_; ++q) row[q] /= gram_[a][a];
+  // C in touching_rows_, M in moved_ and D in gram_.
+  void keep_touching(int free, const double (*gram)[3], const double (*moved)[6], const double (*pulled)[3]) {
+    const int first = touching_;
+    for (int k = 0; k < free; ++k, ++touching_) {
+      std::copy(moved[k], moved[k] + 6, moved_[touching_]);
+      std::fill(gram_[touching_], gram_[touching_] + touching_, 0.0);
+      std::copy(gram[k], gram[k] + k + 1, gram_[touching_] + first);
+      double *row = &touching_rows_[touching_ * stride_];
+      std::fill(row, row + stride_, 0.0);
+      for (int q = 0; q < own_columns(); ++q)
+        row[own_column_[q]] = pulled[k][0] * own_rows_[0][q] + pulled[k][1] * own_rows_[1][q] + pulled[k][2] * own_rows_[2][q];
     }
   }
 
-  // One row of J_l^T J_theta: the free direction `along` of contact i.
-  void cross_row(int i, const double *along, const double *moved, double *row) const {
-    std::fill(row, row + stride_, 0.0);
+  // H = Q Q^T, by K = I + L^T N L = R R^T with Q = L R^-T: leaves Q^T Z in whitened_rows_, Q^T in whitening_.
+  void whiten() {
+    double root[6][6];
+    const auto &factor_of = velocity_factor_;
+    for (int a = 0; a < 6; ++a)
+      for (int b = 0; b <= a; ++b) {
+        root[a][b] = a == b ? 1.0 : 0.0;
+        for (int m = a; m < 6; ++m)
+          for (int n = b; n < 6; ++n)
+            root[a][b] += factor_of[m][a] * (m >= n ? spread_[m][n] : spread_[n][m]) * factor_of[n][b];
+      }
+    factor(root[0], 6, 6, least_pivot());
     WeightedRow added[6];
-    for (int k = 0; k < 6; ++k) added[k] = {&pulled_[k * stride_], moved[k]};
-    add_rows(added, 6, row, stride_);
-    const double closing = gap_next_[i] * (model_.normal_weight * impulse_[i][0] * along[0] +
-                                           model_.tangent_weight * (impulse_[i][1] * along[1] + impulse_[i][2] * along[2]));
-    scatter(gap_rows_[i], closing, row);
-    for (int t = 0; t < 2; ++t)
-      scatter(cone_rows_[i][t], model_.cone_weight * (slip_[i][t] * along[0] + speed_[i] * along[1 + t]), row);
-  }
-
-  static void scatter(const Sparse &from, double weight, double *row) {
-    for (int k = 0; k < from.size; ++k) row[from.column[k]] += weight * from.value[k];
-  }
-
-  void add_contact(int i, double weight, double *fisher, int stride) const {
-    const double *l = impulse_[i];
-    const double closing = model_.normal_weight * l[0] * l[0] + model_.tangent_weight * (l[1] * l[1] + l[2] * l[2]);
-    add_sparse(gap_rows_[i], weight * closing, fisher, stride);
-    for (int t = 0; t < 2; ++t) add_sparse(cone_rows_[i][t], weight * model_.cone_weight, fisher, stride);
-  }
-
-  static void add_sparse(const Sparse &row, double weight, double *fisher, int stride) {
-    for (int a = 0; a < row.size; ++a)
-      for (int b = 0; b <= a; ++b) fisher[row.column[a] * stride + row.column[b]] += weight * row.value[a] * row.value[b];
-  }
-
- public:
-  // fisher += weight * row row^T, row after row; lower triangle in whole vectors (entries right of the diagonal are scratch).
-  static void add_outers(const std::vector<WeightedRow> &rows, double *fisher, int stride) {
-    WeightedRow used[6 + 4 * kMaxContacts];
-    for (int a = 0; a < stride; ++a) {
-      int count = 0;
-      for (const WeightedRow &each : rows) {
-        const double scaled = each.weight * each.row[a];
-        if (scaled != 0.0) used[count++] = {each.row, scaled};
+    whitened_rows_ = slack_rows_;
+    for (int a = 0; a < 6; ++a) {
+      for (int k = 0; k < 6; ++k) {
+        whitening_[a][k] = k >= a ? factor_of[k][a] : 0.0;
+        added[k] = {&velocity_rows_[k * stride_], whitening_[a][k]};
       }
-      add_rows(used, count, fisher + static_cast<long>(a) * stride, a + 1);
+      add_rows(added + a, 6 - a, &whitened_rows_[a * stride_], stride_);
+    }
+    solve_rows(root[0], 6, 6, whitening_[0], 6);
+    solve_rows(root[0], 6, 6, whitened_rows_.data(), stride_);
+  }
+
+  // Leaves in touching_rows_ the rows whose squares are X^T (D + M^T H M)^-1 X.
+  void eliminate_touching() {
+    WeightedRow added[6];
+    for (int a = 0; a < touching_; ++a) {
+      double moved[6];
+      for (int k = 0; k < 6; ++k) {
+        moved[k] = 0.0;
+        for (int c = 0; c < 6; ++c) moved[k] += whitening_[k][c] * moved_[a][c];
+        added[k] = {&whitened_rows_[k * stride_], moved[k]};
+      }
+      std::copy(moved, moved + 6, moved_[a]);
+      add_rows(added, 6, &touching_rows_[a * stride_], stride_);
+      for (int b = 0; b <= a; ++b)
+        for (int k = 0; k < 6; ++k) gram_[a][b] += moved_[a][k] * moved_[b][k];
+    }
+    factor(gram_[0], 3 * kMaxContacts, touching_, least_pivot());
+    solve_rows(gram_[0], 3 * kMaxContacts, touching_, touching_rows_.data(), stride_);
+  }
+
+  double least_pivot() const { return 1e-3 * model_.regularization; }
+
+  // Adds weight * own_rows^T weights own_rows.
+  void add_own(double weight, double *fisher, int stride) const {
+    for (int a = 0; a < own_columns(); ++a) {
+      WeightedRow mixed[kOwnRows];
+      double sum[kOwnWidth] = {};
+      for (int s = 0; s < kOwnRows; ++s) {
+        mixed[s] = {own_rows_[s], 0.0};
+        for (int r = 0; r < kOwnRows; ++r) mixed[s].weight += weight * own_rows_[r][a] * weights_[r][s];
+      }
+      add_rows(mixed, kOwnRows, sum, a + 1);
+      double *into = fisher + static_cast<long>(own_column_[a]) * stride;
+      for (int b = 0; b <= a; ++b) into[own_column_[b]] += sum[b];
     }
   }
 
-  int stride() const { return stride_; }
-
- private:
   const BouncingModel &model_;
-  int contacts_, parameters_, stride_, active_ = 0;
+  int contacts_, parameters_, stride_, touching_ = 0;
   double dt_, rotation_[3][3], rotation_next_[3][3], position_[3], position_next_[3];
   double normal_body_[3], normal_body_next_[3], tangents_body_[2][3], velocity_next_[6], moving_[6], free_[6];
   double gap_[kMaxContacts], gap_next_[kMaxContacts], depth_[kMaxContacts], slack_[kMaxContacts], speed_[kMaxContacts],
       slip_[kMaxContacts][2];
   double impulse_[kMaxContacts][3], gradient_[kMaxContacts][3], motion_[kMaxContacts][3][6];
   double slack_row_[kMaxContacts][6], block_[kMaxContacts][6];
-  double moved_[3 * kMaxContacts][6], gram_[3 * kMaxContacts][3 * kMaxContacts];
-  int active_index_[kMaxContacts];
-  Sparse gap_rows_[kMaxContacts], cone_rows_[kMaxContacts][2];
-  std::vector<double> velocity_rows_, pulled_, slack_rows_, free_rows_;
+  int own_column_[kOwnWidth];
+  double own_rows_[kOwnRows][kOwnWidth], weights_[kOwnRows][kOwnRows];  // of one contact: what is left of J^T J as weights
+  double velocity_factor_[6][6], spread_[6][6], whitening_[6][6];
+  double moved_[3 * kMaxContacts][6], gram_[3 * kMaxContacts][3 * kMaxContacts];  // of those that touch
+  std::vector<double> velocity_rows_, slack_rows_, whitened_rows_, touching_rows_;
   std::vector<WeightedRow> weighted_;
 };
 
