@@ -318,6 +318,19 @@ def test_a_concave_mesh_says_that_only_its_hull_touches(tmp_path: Path) -> None:
     assert found.mass == 0.2
 
 
+@pytest.mark.parametrize(("shift", "overlap"), [(2.0, False), (1.5, True), (2.5, False)])
+def test_pieces_of_a_mesh_may_touch_or_overlap(tmp_path: Path, shift: float, overlap: bool) -> None:
+    """Two boxes one above the other share the corners and edges of a face, once corners at one place are one."""
+    file = tmp_path / "pair.stl"
+    other = CENTER + np.array([0.0, 0.0, shift * HALF[2]])
+    triangles = TRIANGLES + tuple((8 + a, 8 + b, 8 + c) for a, b, c in TRIANGLES)
+    file.write_text(stl_text(np.concatenate([corners_mm(), corners_mm(HALF, other)]), triangles))
+    read = read_description(file, BodyOptions(scale=0.001, density=1000.0, friction=0.2))
+    assert read.mass == pytest.approx(2.0 * 1000.0 * 8.0 * HALF.prod(), rel=1e-6)
+    assert any("where they overlap" in note for note in read.notes) == overlap
+    assert not any("not closed" in note for note in read.notes)
+
+
 def test_a_cylinder_becomes_a_prism_and_its_error_is_said(tmp_path: Path) -> None:
     file = tmp_path / "can.urdf"
     inertial = '<inertial><mass value="0.2"/><inertia ixx="2e-4" iyy="2e-4" izz="9e-5" ixy="0" ixz="0" iyz="0"/></inertial>'

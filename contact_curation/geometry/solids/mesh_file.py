@@ -5,6 +5,7 @@ may be hollow, concave or of several pieces; of an open one they are those of it
 """
 
 from io import BytesIO
+from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -145,7 +146,7 @@ def _enclosed(path: Path, mesh: Any) -> Mesh:
         raise UnreadableInputError(path, "found almost all points in one plane, expected a mesh with volume") from error
     notes: list[str] = []
     corners = np.asarray(hull.vertices, dtype=float)
-    closed = bool(mesh.is_watertight and mesh.is_winding_consistent)
+    closed = _is_closed(mesh)
     if closed and mesh.volume < 0.0:
         mesh.invert()
     if not closed or not mesh.volume > 0.0:
@@ -157,10 +158,25 @@ def _enclosed(path: Path, mesh: Any) -> Mesh:
             f"{path.name} is not convex: a flat board touches its convex hull alone, so that {inside} vertices inside the "
             f"hull are no contacts; the hull has {hull.volume / mesh.volume:.2f} times its volume"
         )
+    if _may_overlap(mesh):
+        notes.append(f"{path.name} has several closed pieces: where they overlap, the mass counts twice")
     found = mesh.mass_properties
     inertia = np.asarray(found.inertia, dtype=float)
     uniform = MassProperties(float(found.volume), np.asarray(found.center_mass, dtype=float), 0.5 * (inertia + inertia.T))
     return Mesh(Solid(corners, uniform), tuple(notes))
+
+
+def _is_closed(mesh: Any) -> bool:
+    """Whether triangles pass every edge as often in one direction as in the other: pieces that touch may share edges."""
+    senses = np.where(mesh.edges[:, 0] < mesh.edges[:, 1], 1.0, -1.0)
+    return not np.bincount(mesh.edges_unique_inverse, weights=senses).any()
+
+
+def _may_overlap(mesh: Any) -> bool:
+    """Whether bounding boxes of closed pieces overlap; a cavity is no piece, for its volume is negative."""
+    boxes = [piece.bounds for piece in mesh.split() if piece.volume > 0.0]
+    apart = FLAT * mesh.scale
+    return any((np.minimum(a[1], b[1]) - np.maximum(a[0], b[0]) > apart).all() for a, b in combinations(boxes, 2))
 
 
 def _loaded(path: Path, data: bytes) -> Any:
