@@ -42,7 +42,7 @@ from contact_curation.learning.evaluation.evaluation import EvaluationConfig, ev
 from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import Transitions, transitions_of
+from contact_curation.motion.transitions import Transitions, by_differences, transitions_of
 
 FRAMES = {"filtered": 0, "differences": 1, "two-frames": 2}
 """Frames that differences reach back; 0 for the tosses' own velocities."""
@@ -58,6 +58,8 @@ def with_differences(data: Transitions, frames: int) -> Transitions:
 
     The first state of a toss has the velocity of the second.
     """
+    if frames == 1:
+        return by_differences(data)
     turns = quaternions.log(quaternions.multiply(quaternions.conjugate(data.before[:, 3:7]), data.after[:, 3:7]))
     steps = np.concatenate([data.after[:, :3] - data.before[:, :3], turns], axis=1)  # (N, 6)
     sums, times = steps.copy(), data.dt.copy()

@@ -11,6 +11,10 @@ GAPS, PENETRATION, SLIP = 2.0, 4.0, 0.25
 """Weights of impulses at gaps, of negative gaps and of slip in the balanced loss, relative to the published ones, for
 ContactNets' cube; chosen by friction and motions of five bodies (`benchmarks.learning.loss_weights`)."""
 
+MODERATE_FRICTION = 0.3
+"""Contacts of a body with more friction mostly stick, which a tracker sees badly (docs/explanation/learning.md, "Much
+friction"): what seems to slip then counts less, and velocities are not filtered (information/impacts.py)."""
+
 
 @dataclass(frozen=True)
 class LossConfig:
@@ -53,17 +57,19 @@ class LossConfig:
 
         A balanced loss counts impulses relative to the one that carries the body at rest, so that neither its mass nor its
         length scale changes what gaps and slip count, and weighs slip less: the noise of a contact that sticks counts as slip,
-        and would make friction too low (docs/explanation/models.md, "Weights of the loss").
+        and would make friction too low (docs/explanation/models.md, "Weights of the loss"); still less where the friction is
+        described as more than `MODERATE_FRICTION`.
 
         Args:
-            body: mass, gravity and unit of length.
+            body: mass, gravity, friction and unit of length.
             rigid: whether theta is in the rigid form; others have the weights as they are.
         """
         if not (rigid and self.balanced):
             return self
         cube = CONTACTNETS_CUBE
         share = (cube.mass * cube.scaled_gravity / (body.mass * body.scaled_gravity)) ** 2
-        factors = dict.fromkeys(OF_IMPULSES, GAPS * share) | {"dissipation": SLIP * share, "penetration": PENETRATION}
+        slip = SLIP * MODERATE_FRICTION / max(body.friction, MODERATE_FRICTION)
+        factors = dict.fromkeys(OF_IMPULSES, GAPS * share) | {"dissipation": slip * share, "penetration": PENETRATION}
         return replace(self, **{name: factor * getattr(self, name) for name, factor in factors.items()})
 
     def differences(self, other: "LossConfig", body: Body, rigid: bool) -> tuple[str, ...]:

@@ -1,5 +1,10 @@
-"""Transitions as a polytope with a restitution describes them: one transition over all frame periods of an impact.
+"""Transitions as a polytope describes them.
 
+With much friction a body sticks and lets go from frame to frame, and a median of three, by which velocities of fast cameras are
+filtered (motion/smoothing.py), takes that for outliers: friction is learned far too low (docs/explanation/learning.md, "Much
+friction"). Velocities of such bodies are plain differences.
+
+With a restitution, one transition leads over all frame periods of an impact.
 The frame period in which a body meets the board has a mean velocity that is neither the one before nor the one after the
 impact. No law of impact relates the two transitions that share it, but the transition from the frame before to the frame after
 it. Without this a restitution cannot be learned (docs/results.md, "Bodies that bounce").
@@ -11,9 +16,10 @@ import numpy as np
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
+from contact_curation.contact.loss_config import MODERATE_FRICTION
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.transitions import Transitions
+from contact_curation.motion.transitions import Transitions, by_differences
 
 HARD = 5.0
 """At an impact the velocity changes by more than so many times what gravity changes in a frame period."""
@@ -25,15 +31,26 @@ LONGEST = 3
 """Transitions are merged where at most so many in a row begin with such a change."""
 
 
+SHORTEST_PLAIN = 1.0 / 220.0
+"""[s] At frames that are closer the noise of plain differences makes friction too high."""
+
+
 def as_described(data: Transitions, geometry: ContactGeometry | None, body: Body) -> Transitions:
-    """The transitions that a model's loss is taken of: with impacts merged where its theta has a restitution.
+    """The transitions that a model's loss is taken of.
+
+    Velocities are plain differences where theta is in the rigid form and the body is described with more friction than
+    `MODERATE_FRICTION`; impacts are merged where theta has a restitution.
 
     Args:
         data: transitions between successive frames.
         geometry: theta; None for a network.
         body: that moves.
     """
-    return data if geometry is None or geometry.restitution is None else merged_impacts(data, body)
+    if geometry is None:
+        return data
+    if geometry.is_rigid and body.friction > MODERATE_FRICTION and float(np.median(data.dt)) >= SHORTEST_PLAIN:
+        data = by_differences(data)
+    return data if geometry.restitution is None else merged_impacts(data, body)
 
 
 def merged_impacts(data: Transitions, body: Body) -> Transitions:

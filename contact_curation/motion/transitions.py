@@ -1,12 +1,13 @@
 """Tosses as transitions: pairs of successive frames, in characteristic units, ready to be scored."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
@@ -61,6 +62,17 @@ def periods_of(toss: Toss) -> NDArray[np.int64]:
     """(T,) frame periods from the first frame of a toss to each; one more each time, but where frames are missing."""
     steps = np.rint(np.diff(toss.stamps_ns) / (NANOSECONDS * toss.frame_period)).astype(np.int64)
     return np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
+
+
+def by_differences(data: Transitions) -> Transitions:
+    """The transitions with velocities that lead from pose to pose, p' = p + dt v'; the first of a toss is the second, again."""
+    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(data.before[:, 3:7]), data.after[:, 3:7]))
+    rates = np.concatenate([data.after[:, :3] - data.before[:, :3], turns], axis=1) / data.dt[:, np.newaxis]
+    earlier = np.arange(len(data.dt)) - (data.index_in_toss > 0)
+    before, after = (
+        np.concatenate([states[:, :7], each], axis=1) for states, each in ((data.before, rates[earlier]), (data.after, rates))
+    )
+    return replace(data, before=before, after=after)
 
 
 def transitions_of(tosses: Sequence[Toss], length_scale: float) -> Transitions:

@@ -66,6 +66,13 @@ def test_the_balanced_loss_of_the_cube_has_the_published_weights_times_those_tha
         np.testing.assert_allclose(found.terms, evaluate(geometry, BODY, data.before, data.after, data.dt, expected).terms)
 
 
+@pytest.mark.parametrize(("friction", "share"), [(0.0, 1.0), (0.3, 1.0), (0.6, 0.5), (1.2, 0.25)])
+def test_slip_counts_less_for_a_body_that_is_described_with_much_friction(friction: float, share: float) -> None:
+    loss, body = LossConfig(), replace(BODY, friction=friction)
+    assert loss.for_theta(body, rigid=True).dissipation == pytest.approx(share * loss.for_theta(BODY, rigid=True).dissipation)
+    assert loss.for_theta(body, rigid=False) is loss
+
+
 def sums(geometry: ContactGeometry, data: Transitions, estimator: Estimator, weights: Array | None = None) -> tuple[Any, ...]:
     found = fisher_sums(geometry, BODY, data.before, data.after, data.dt, data.starts, estimator, config=LOSS, weights=weights)
     return found.fishers, found.score_sums, found.losses, found.residuals, found.status

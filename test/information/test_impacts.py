@@ -9,7 +9,8 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described, merged_impacts
-from contact_curation.motion.transitions import Transitions
+from contact_curation.motion.transitions import Transitions, transitions_of
+from test.simulated import RIG_NOISE, simulated_tosses
 
 DT = 1.0 / 148.0
 GRAVITY = CONTACTNETS_CUBE.scaled_gravity
@@ -90,6 +91,24 @@ def test_an_impact_changes_the_velocity_by_five_times_what_gravity_does_beside_g
     velocities = np.concatenate([np.zeros(8), [jump, 2.0 * jump], np.full(8, 2.0 * jump)])
     data = transitions(GRAVITY * DT**2 * np.cumsum(velocities))
     assert len(merged_impacts(data, CONTACTNETS_CUBE).dt) == len(data.dt) - fewer
+
+
+@pytest.mark.parametrize(
+    ("friction", "rate", "plain"), [(0.3, 148.0, False), (0.31, 148.0, True), (0.6, 60.0, True), (0.6, 250.0, False)]
+)
+def test_of_much_friction_velocities_lead_from_pose_to_pose(friction: float, rate: float, plain: bool) -> None:
+    body = replace(CONTACTNETS_CUBE, friction=friction)
+    data = transitions_of(simulated_tosses(2, 0, RIG_NOISE), body.length_scale)
+    data = replace(data, dt=np.full(len(data.dt), 1.0 / rate))
+    rigid = ContactGeometry.of_body(body).rigid()
+    described = as_described(data, rigid, body)
+    assert (described is not data) == plain
+    moved = described.before[:, :3] + data.dt[:, np.newaxis] * described.after[:, 7:10]
+    assert np.allclose(moved, data.after[:, :3], rtol=0.0, atol=1e-12) == plain
+    np.testing.assert_array_equal(described.after[:, :7], data.after[:, :7])
+    assert as_described(data, ContactGeometry.of_body(body), body) is data
+    merged = as_described(data, replace(rigid, restitution=0.3), body)
+    np.testing.assert_array_equal(merged.after[-1], described.after[-1])
 
 
 def test_only_a_theta_with_a_restitution_describes_impacts() -> None:

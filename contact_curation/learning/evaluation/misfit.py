@@ -11,6 +11,7 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import MODERATE_FRICTION
 from contact_curation.contact.rollout import rollout
 from contact_curation.geometry import quaternions
 from contact_curation.information.impacts import as_described
@@ -49,6 +50,11 @@ USED_UP = 0.9
 NEEDED, MOSTLY = 0.99, 0.5
 """Contacts that use this share of a model's friction need all of it; if they are at rest in more than the second share of such
 frames, the friction is higher than the model's."""
+
+GRIPPING = 1.2
+"""A friction that is so many times the described and a moderate one should be described, as which it is learned better."""
+
+DESCRIBE = "; much friction is learned better where it is described: give --friction {:.1f} and train again"
 
 LOADED, MOVING = 0.3, 0.05
 """A body moves on the board where the contacts carry so much of its weight, and a corner may be faster than this [m/s]; a
@@ -149,6 +155,7 @@ def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body:
     return (
         f"friction hardly used up: contacts slide in {100.0 * use.sliding:.0f} % of the frames that move on the board "
         f"(expected {100.0 * SLIDING:.0f} % at least), {higher} higher than the {friction:.2f} that is learned"
+        + (DESCRIBE.format(friction) if friction > GRIPPING * max(body.friction, MODERATE_FRICTION) else "")
     )
 
 
