@@ -14,7 +14,6 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.rollout import rollout
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.geometry.solids.mass_properties import of_hull
 from contact_curation.motion.smoothing import kinematics
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
 
@@ -53,18 +52,6 @@ class TrackerNoise:
 
 RIG_NOISE = TrackerNoise(position=2.2e-5, orientation=np.radians(0.024))
 """White noise with the size of the real tosses' second differences in the air: 0.022 mm and 0.024 degrees."""
-
-
-def ellipsoid(corners: int) -> Body:
-    """A body of even density, whose corners are spread over an ellipsoid of half axes 60, 50 and 40 mm."""
-    heights = 1.0 - (2.0 * np.arange(corners) + 1.0) / corners
-    turns = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(corners)
-    around = np.sqrt(1.0 - np.square(heights))
-    points = np.column_stack([around * np.cos(turns), around * np.sin(turns), heights]) * [0.06, 0.05, 0.04]
-    unit = of_hull(points)
-    vertices = points - unit.center
-    size = float(np.linalg.norm(vertices, axis=1).mean() / np.sqrt(3.0))
-    return Body(f"ellipsoid_{corners}", vertices, 900.0 * unit.mass, 900.0 * unit.inertia, 0.2, size)
 
 
 def release_states(count: int, rng: np.random.Generator, body: Body = CONTACTNETS_CUBE) -> Array:

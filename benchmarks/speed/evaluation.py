@@ -17,6 +17,7 @@ import numpy as np
 import torch
 
 from benchmarks._data import contactnets_folder
+from benchmarks.data.thrown_bodies import ellipsoid, uniform
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import Cone, Estimator, Evaluation, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
@@ -24,7 +25,7 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.contact.torch_evaluation import evaluate_in_torch
-from test.simulated import FRAME_PERIOD, RIG_NOISE, ellipsoid, simulated_tosses
+from test.simulated import FRAME_PERIOD, RIG_NOISE, simulated_tosses
 
 BODY = CONTACTNETS_CUBE
 GEOMETRY = ContactGeometry.of_body(BODY)
@@ -197,7 +198,8 @@ def comparison(rows: Transitions, cone: Cone, count: int) -> Comparison:
 
 def of_corners(count: int, repeats: int) -> OfCorners:
     """On simulated tosses of an ellipsoid with so many corners."""
-    body, config = ellipsoid(count), LossConfig(threads=1)
+    body = uniform("ellipsoid", [ellipsoid(count, [0.06, 0.05, 0.04])], 900.0, 0.2).body
+    config = LossConfig(threads=1)
     geometry = ContactGeometry.of_body(body).rigid()
     rows = transitions_of(simulated_tosses(OF_CORNERS, seed=0, noise=RIG_NOISE, body=body), body.length_scale)
     solved = best_of(repeats, lambda: evaluate(geometry, body, rows.before, rows.after, rows.dt, config))

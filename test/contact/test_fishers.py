@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.data.thrown_bodies import ellipsoid, uniform
 from contact_curation.contact.evaluation import Cone, Estimator, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
@@ -15,7 +16,7 @@ from contact_curation.motion.transitions import transitions_of
 from contact_curation.solver.certificate import FACET_NORMALS, FREE_TOLERANCE, free_directions
 from test.contact.cases import CUBE, DT, KINDS, TRUE, Rows, noisy_geometry, rows_of_kind, tracked_transitions
 from test.contact.torch_fisher import profile_fishers
-from test.simulated import RIG_NOISE, ellipsoid, simulated_tosses
+from test.simulated import RIG_NOISE, simulated_tosses
 
 HEIGHT = 57
 
@@ -45,7 +46,8 @@ def test_the_gauss_newton_matrix_is_the_dense_one(kind: str, geometry: ContactGe
 @pytest.mark.parametrize("corners", [5, 40])
 def test_of_any_number_of_corners_the_matrix_is_the_dense_one(corners: int, cone: Cone) -> None:
     """Contacts in the air are eliminated one by one, those on the ground together: of which kind they are must not matter."""
-    body, config = ellipsoid(corners), LossConfig(cone=cone)
+    body = uniform("ellipsoid", [ellipsoid(corners, [0.06, 0.05, 0.04])], 900.0, 0.2).body
+    config = LossConfig(cone=cone)
     geometry = ContactGeometry.of_body(body)
     rows = transitions_of(simulated_tosses(2, seed=3, noise=RIG_NOISE, body=body), body.length_scale)
     chosen = np.linspace(0, len(rows.before) - 1, 40).astype(int)
