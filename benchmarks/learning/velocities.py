@@ -37,7 +37,6 @@ from benchmarks.learning.coverage import WORLDS, fitted
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench
-from contact_curation.geometry import quaternions
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model, shape_errors
 from contact_curation.motion.calibration import calibration_of
 from contact_curation.motion.gate_config import GateConfig
@@ -58,10 +57,7 @@ def with_differences(data: Transitions, frames: int) -> Transitions:
 
     The first state of a toss has the velocity of the second.
     """
-    if frames == 1:
-        return by_differences(data)
-    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(data.before[:, 3:7]), data.after[:, 3:7]))
-    steps = np.concatenate([data.after[:, :3] - data.before[:, :3], turns], axis=1)  # (N, 6)
+    steps = by_differences(data).after[:, 7:] * data.dt[:, np.newaxis]  # (N, 6)
     sums, times = steps.copy(), data.dt.copy()
     for back in range(1, frames):
         rows = np.flatnonzero(data.index_in_toss >= back)

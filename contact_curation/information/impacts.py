@@ -1,13 +1,12 @@
 """Transitions as a polytope describes them.
 
-With much friction a body sticks and lets go from frame to frame, and a median of three, by which velocities of fast cameras are
-filtered (motion/smoothing.py), takes that for outliers: friction is learned far too low (docs/explanation/learning.md, "Much
-friction"). Velocities of such bodies are plain differences.
+Velocities of fast cameras are medians of three (motion/smoothing.py), from which much friction is learned far too low
+(docs/explanation/learning.md, "Much friction"). So those of a body with much friction are plain differences.
 
-With a restitution, one transition leads over all frame periods of an impact.
-The frame period in which a body meets the board has a mean velocity that is neither the one before nor the one after the
-impact. No law of impact relates the two transitions that share it, but the transition from the frame before to the frame after
-it. Without this a restitution cannot be learned (docs/results.md, "Bodies that bounce").
+With a restitution, one transition spans all frame periods of an impact. The frame period in which a body meets the board has a
+mean velocity that is neither the one before nor the one after the impact. No law of impact relates the two transitions that
+share it, but one relates the states before and after it. Without this a restitution cannot be learned (docs/results.md, "Bodies
+that bounce").
 """
 
 from itertools import pairwise

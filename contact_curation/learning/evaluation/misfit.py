@@ -52,9 +52,12 @@ NEEDED, MOSTLY = 0.99, 0.5
 frames, the friction is higher than the model's."""
 
 GRIPPING = 1.2
-"""A friction that is so many times the described and a moderate one should be described, as which it is learned better."""
+"""A learned friction above the described one, and above a moderate one, by more than this factor should be described."""
 
-DESCRIBE = "; much friction is learned better where it is described: give --friction {:.1f} and train again"
+DESCRIBE = (
+    "; much friction is learned better where it is described: give --friction {0:.1f}, or friction: {0:.1f} in the object's "
+    "file, and train again"
+)
 
 LOADED, MOVING = 0.3, 0.05
 """A body moves on the board where the contacts carry so much of its weight, and a corner may be faster than this [m/s]; a
@@ -151,11 +154,13 @@ def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body:
     friction = float(np.linalg.norm(geometry.tangents[0]))
     if found is not None and found.median <= friction:
         return ""
+    describe = ""
+    if friction > GRIPPING * max(body.friction, MODERATE_FRICTION):
+        describe = DESCRIBE.format(np.ceil(10.0 * friction) / 10.0)
     higher = "so the friction is" if use.at_rest > MOSTLY else "in others they stick or roll, where the friction may be"
     return (
         f"friction hardly used up: contacts slide in {100.0 * use.sliding:.0f} % of the frames that move on the board "
-        f"(expected {100.0 * SLIDING:.0f} % at least), {higher} higher than the {friction:.2f} that is learned"
-        + (DESCRIBE.format(friction) if friction > GRIPPING * max(body.friction, MODERATE_FRICTION) else "")
+        f"(expected {100.0 * SLIDING:.0f} % at least), {higher} higher than the {friction:.2f} that is learned{describe}"
     )
 
 
