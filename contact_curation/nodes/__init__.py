@@ -38,14 +38,14 @@ def _leave() -> None:
         os._exit(left_with[0])
 
 
-def _runs_a_node() -> bool:
+def runs_a_node() -> bool:
     """Whether this process was started to run one: `python -m contact_curation.nodes.trainer`, or a script `trainer`."""
     if sys.argv[0] == "-m":
         return any(word.startswith(f"{__name__}.") for word in sys.orig_argv)
     return Path(sys.argv[0]).name in {path.stem for path in Path(__file__).parent.glob("*.py")}  # no user's `trainer.py`
 
 
-if _runs_a_node():
+if runs_a_node():
     atexit.register(_leave)  # before all others, so that it comes last
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))

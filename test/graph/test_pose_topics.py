@@ -212,7 +212,7 @@ def test_poses_are_taken_after_the_clock_was_set_back(
 ) -> None:
     first = graph.start("pose_ingest", topic="/odometry")
     heard = graph.diagnostics()
-    publisher = Tracker(graph.listener, rig).topic(Odometry, "/odometry", BEST_EFFORT)
+    publisher = Tracker(graph.listener, rig).topic(Odometry, "/odometry", profile(1000, reliable=True, latched=False))
     publish([publisher], poses[:50])
     graph.until(lambda: values_of(heard, "/pose_ingest").get("messages", "0") != "0", LONG, "poses")
     first.stop()

@@ -4,9 +4,11 @@ A process holds one node, or several (`nodes/container.py`), which then share it
 
 Signals never interrupt a callback. The first SIGINT or SIGTERM ends the spinning; the node then closes its threads, files and
 publishers while the middleware still works. Further signals have no effect. Closing has a time limit: unfinished work is
-continued after the next start, as after a kill.
+continued after the next start, as after a kill. A second limit needs no Python, for when the middleware or a library neither
+returns nor lets Python run.
 """
 
+import faulthandler
 import os
 import re
 import signal
@@ -28,7 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
-from contact_curation.nodes import left_with
+from contact_curation.nodes import left_with, runs_a_node
 from contact_curation.nodes.ros.given_parameters import PAGE, check_files, check_names, check_words, take_former_names
 from contact_curation.nodes.ros.qos import overridable, overrides_checked
 from contact_curation.nodes.ros.security import check_keystore, explained
@@ -45,6 +47,9 @@ OF_RCL = re.compile(r",? at /\S+:\d+")
 
 LONGEST_CLOSING = 4.5
 """Longest time from the first signal to the end of the process [s]; launch kills processes after 5 s."""
+
+BLOCKED = 2.0
+"""Time after its limit at which a process is ended from outside Python, because no Python runs in it [s]."""
 
 
 class StageNode(Node):
@@ -142,23 +147,33 @@ class _Ending:
         """Ends the spinning and starts the time limit; only the first call has an effect."""
         if self.wanted:
             return
+        limit = max((node.longest_closing for node in [*self.nodes.values()]), default=LONGEST_CLOSING)
+        _limit_outside_python(limit)  # first: once the end is wanted, closing may let no other thread run
         self._wanted.set()
-        threading.Thread(target=self._limit, name="limit of closing", daemon=True).start()
+        threading.Thread(target=self._limit, args=(limit,), name="limit of closing", daemon=True).start()
         if self.executor is not None:
             self.executor.wake()
 
     def closed(self) -> None:
-        """Cancels the time limit, because the nodes are closed."""
+        """Cancels the time limit, because the nodes are closed; a process of nodes has as long again to end."""
         self._closed.set()
+        if runs_a_node():
+            _limit_outside_python(LONGEST_CLOSING)
+        else:
+            faulthandler.cancel_dump_traceback_later()
 
-    def _limit(self) -> None:
-        seconds = max((node.longest_closing for node in self.nodes.values()), default=LONGEST_CLOSING)
+    def _limit(self, seconds: float) -> None:
         if not self._closed.wait(seconds):
             sys.stderr.write(
                 f"{self._name}: not closed after {seconds:g} s; what is unfinished is taken up after the next start\n"
             )
             sys.stderr.flush()
             os._exit(1 if self.failures or any(node.failure for node in self.nodes.values()) else 0)
+
+
+def _limit_outside_python(seconds: float) -> None:
+    """Ends the process some time after a limit, with status 1 and on standard error where each of its threads is."""
+    faulthandler.dump_traceback_later(seconds + BLOCKED, exit=True, file=2)
 
 
 def run(make: Callable[[], StageNode], name: str) -> int:

@@ -1,0 +1,63 @@
+"""A process of nodes ends in time whatever keeps it, and says what did."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+NODE = """
+import ctypes, sys, threading, time
+from contact_curation.nodes.ros import node_main
+
+class Kept(node_main.StageNode):
+    longest_closing = 0.5
+
+    def __init__(self):
+        super().__init__("kept")
+        self.create_timer(0.01, lambda: sys.stdout.write("ready\\n") and sys.stdout.flush())
+
+    def close(self):
+        {close}
+
+node_main.LONGEST_CLOSING = node_main.BLOCKED = 0.5
+sys.exit(node_main.run(Kept, "kept"))
+"""
+
+LONGEST = 20.0
+"""[s] on a busy machine; what keeps a node here, keeps it for minutes."""
+
+KEPT = {
+    "a job": ("time.sleep(600)", 0, "kept: not closed after 0.5 s; what is unfinished is taken up after the next start"),
+    "a call that holds Python": ("ctypes.PyDLL(None).sleep(600)", 1, "in close"),
+    "a thread": ("threading.Thread(target=time.sleep, args=(600,)).start()", 1, "in _shutdown"),
+}
+"""What is done at the node's end, the exit status and what is printed, by what keeps the process."""
+
+
+@pytest.mark.parametrize("keeper", KEPT)
+def test_a_node_ends_whatever_keeps_it(keeper: str, tmp_path: Path) -> None:
+    close, status, message = KEPT[keeper]
+    left_with, said = ended(close, tmp_path)
+    assert message in said
+    assert left_with == status
+
+
+def test_a_node_that_nothing_keeps_says_nothing(tmp_path: Path) -> None:
+    assert ended("pass", tmp_path) == (0, "")
+
+
+def ended(close: str, folder: Path) -> tuple[int, str]:
+    """The exit status of a node that a signal ends, and what it printed on standard error."""
+    script = folder / "curator"  # its name makes it a process of nodes
+    script.write_text(NODE.format(close=close))
+    with subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=LONGEST)
+        finally:
+            process.kill()
+    return process.returncode, said
