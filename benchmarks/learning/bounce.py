@@ -4,6 +4,7 @@ Fits of the rigid form to the optimum, each from the same initialisation: impact
 restitution as a parameter of theta (method.md 1.2); each from the transitions as they are, and with impacts merged: a frame
 period in which a body meets the board has a velocity that is neither the one before nor the one after, so that both of its
 transitions are nobody's law. Merged, one transition leads over them, from a velocity before the impact to one after it.
+Velocities are the filtered ones of the tosses, or plain differences of poses.
 
 On the cube a random third of the tosses below 400 judges (CONTACTNETS_DATA), corrected by the rig calibration of the others;
 fits begin at random shapes. With --planar FILE.npz the tosses are those of a square prism in a plane
@@ -12,7 +13,7 @@ half judge, and fits begin at the shape as described, for a plane says nothing o
 above the table: a body that stays where it was released, and one that lies where it ends from the start. Told is the
 restitution that `train` names where a rigid form is fitted without one.
 
-    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds]
+    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds differences]
         [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]
 """
 
@@ -43,7 +44,7 @@ from contact_curation.learning.fits.held_fit import fit_held
 from contact_curation.learning.uncertainty.bounce import bounce_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import transitions_of
+from contact_curation.motion.transitions import by_differences, transitions_of
 
 ARMS = {
     "two sets": (Form.PHYSICAL, False, False),
@@ -52,9 +53,10 @@ ARMS = {
     "bounce": (Form.RIGID, True, False),
     "bounce-merged": (Form.RIGID, True, True),
     "rebounds": (Form.RIGID, True, True),
+    "differences": (Form.RIGID, True, True),
 }
-"""The form, whether a restitution is learned, and whether impacts are merged. By `rebounds` its prior is what first impacts
-show, as in `train`."""
+"""The form, whether a restitution is learned, and whether impacts are merged. By the last two its prior is what first impacts
+show, as in `train`, and velocities are plain differences by the last."""
 
 ALL = 0
 
@@ -73,7 +75,8 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     """The optimum of tosses."""
     form, bounces, merges = ARMS[arm]
     data = transitions_of(tosses, body.length_scale)
-    seen = rebound_of(data, body) if arm == "rebounds" else None
+    seen = rebound_of(data, body) if arm in ("rebounds", "differences") else None
+    data = by_differences(data) if arm == "differences" else data
     data = merged_impacts(data, body) if merges else data
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
     drawn = initial_geometry(body, form, pivot, np.random.default_rng(seed), spread)

@@ -269,7 +269,7 @@ def test_the_tables_of_one_set_of_vertices_are_medians_of_their_rows() -> None:
 def test_the_tables_of_bodies_that_bounce_are_medians_of_their_rows() -> None:
     found, counted = rows("bounce"), 0
     fits = {"two sets": "two sets", "one set, noise learned": "plain", "and restitution, merged": "bounce-merged"}
-    fits["the same, with rebounds"] = "rebounds"
+    fits |= {"the same, with rebounds": "rebounds", "with rebounds, plain differences": "differences"}
     columns = {
         "cube": ("position", "rotation", "penetration", "vertices", "friction", "restitution"),
         "square": ("position", "rotation", "friction", "restitution"),

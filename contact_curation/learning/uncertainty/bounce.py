@@ -24,7 +24,7 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
-from contact_curation.information.impacts import merged_impacts
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.rebounds import rebound_of
 from contact_curation.learning.fits.held_fit import HeldFitConfig, fit_held
 from contact_curation.learning.fits.polytope_sums import polytope_sums
@@ -82,8 +82,8 @@ def bounce_of(model: Model, data: Transitions, loss: LossConfig) -> Bounce | Non
         return None
     seen = rebound_of(data, model.body)
     data, _ = subset(data, np.linspace(0, count - 1, min(count, MOST)).astype(int))
-    data = merged_impacts(data, model.body)
     start = PolytopeModel(replace(model.geometry(), restitution=0.0), model.body, Form.RIGID)
+    data = as_described(data, start.geometry(), model.body)
     found = fit_held(start, data, HeldFitConfig(loss=loss, renewals=1), origin=start).model
     sums = polytope_sums(found, data, Estimator.GAUSS_NEWTON, loss)
     prior = prior_of(found, KnownConfig(loss))
