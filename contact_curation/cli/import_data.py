@@ -35,9 +35,9 @@ def add_options(verb: OneLineParser) -> None:
     )
     poses = sources.add_parser(
         "poses",
-        help="poses over time in files of text, as motion capture and pose estimators write them",
-        description="Writes poses over time, a row of text each, as the bag that a tracker would have recorded. A header "
-        "names the columns: time, x, y, z, qx, qy, qz, qw, in any order, or such as pose.position.x; without a header they "
+        help="poses over time in files of text, or in Parquet, as motion capture and pose estimators write them",
+        description="Writes poses over time, rows of text or of Parquet, as the bag that a tracker would have recorded. Names "
+        "tell the columns: time, x, y, z, qx, qy, qz, qw, in any order, or such as pose.position.x; without names they "
         "are in this order (TUM's trajectories). Times are in s, ms, us or ns; lengths in m, or in mm if the header says so.",
     )
     poses.add_argument("input", type=Path, metavar="FILE", nargs="+", help="a table of poses; several follow each other")

@@ -1,4 +1,4 @@
-"""Poses over time as text, a row each: what motion capture, pose estimators and `rostopic echo -p` write.
+"""Poses over time as text or in Parquet, a row each: what motion capture, pose estimators and `rostopic echo -p` write.
 
 The columns are told by a header, in any order and among others; without one they are those of the TUM benchmark's
 trajectories (https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats): time, x, y, z, qx, qy, qz, qw. Comma, semicolon,
@@ -29,6 +29,7 @@ from contact_curation.storage.datasets.orientations import (
     as_it_is,
     of_matrix,
 )
+from contact_curation.storage.datasets.parquet_lines import is_parquet, parquet_lines
 from contact_curation.storage.datasets.pose_columns import (
     POSITION,
     TUM,
@@ -63,7 +64,7 @@ EXPECTED = f"columns named {', '.join(TUM)} (or {NAMES}), or without names, in t
 
 
 class PoseTable:
-    """The poses of a file of text.
+    """The poses of a file of text, or in Parquet.
 
     Args:
         path: of the file.
@@ -196,6 +197,9 @@ class PoseTable:
         return UNITS_OF_TIME[next((unit for unit, most in LARGEST_STEP.items() if step <= most), "ns")]
 
     def _lines(self) -> Iterator[tuple[int, str]]:
+        if is_parquet(self.path):
+            yield from enumerate(parquet_lines(self.path), start=1)
+            return
         try:
             with self.path.open(encoding="utf-8-sig", errors="replace") as file:
                 for number, line in enumerate(iter(partial(file.readline, LONGEST_LINE), ""), start=1):

@@ -26,13 +26,13 @@ from types import NoneType
 from typing import Any, NamedTuple
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.files import check_version, read_bounded, write_atomically
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.outputs import CSV, PROVENANCE
+from contact_curation.storage.parquet_text import text_bytes, texts_of
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
 FORMAT = "contact_curation_manifest"
@@ -297,31 +297,21 @@ def from_parquet(data: bytes) -> Parsed:
     most = min(MOST_ROWS, 2 * len(data))  # each row has its own name and times, even if compressed
     if rows > most:
         raise ValueError(f"found {rows} rows, expected at most {most} in {len(data)} bytes")
-    texts = [column.path for column in file.schema if column.physical_type == "BYTE_ARRAY"]
     head = (file.schema_arrow.metadata or {}).get(METADATA_KEY)
     if head is None:
         raise ValueError("it has no metadata contact_curation, which other programs leave out: give the file that rank wrote")
     return json.loads(head), _parquet_rows(
-        pq.ParquetFile(BytesIO(data), page_checksum_verification=True, read_dictionary=texts)
+        pq.ParquetFile(BytesIO(data), page_checksum_verification=True, read_dictionary=texts_of(file))
     )
 
 
 def _parquet_rows(file: pq.ParquetFile) -> Iterator[ManifestRow]:
-    """The rows; a text that is stored once can stand in any number of rows, so it is counted before it is repeated."""
     size = 0
     for batch in file.iter_batches(ROWS_AT_ONCE):
-        size += sum(map(_text_bytes, batch.columns))
+        size += sum(map(text_bytes, batch.columns))
         if size > LARGEST_BYTES:
             raise ValueError(f"its text has more than {LARGEST_BYTES} bytes")
         yield from map(row_of, batch.to_pylist())
-
-
-def _text_bytes(column: pa.Array) -> int:
-    """Bytes of the text in a column."""
-    values = column.flatten() if pa.types.is_list(column.type) or pa.types.is_large_list(column.type) else column
-    if not isinstance(values, pa.DictionaryArray):
-        return int(values.nbytes)
-    return int(pc.sum(pc.binary_length(values.dictionary).take(values.indices)).as_py() or 0)
 
 
 LARGEST_BYTES = 1 << 31
