@@ -62,11 +62,12 @@ def _lines(file: pq.ParquetFile, path: Path) -> Iterator[str]:
     held, size = file.metadata, path.stat().st_size
     flat = set(file.schema_arrow.names)
     wanted = {column.path: at for at, column in enumerate(file.schema) if _is_number_or_text(column, column.path in flat)}
+    rows = 0
     for group in map(held.row_group, range(held.num_row_groups)):
         needed = sum(group.column(at).total_uncompressed_size for at in wanted.values())
-        rows = max([group.num_rows, *(group.column(at).num_values for at in wanted.values())])
+        rows += max([group.num_rows, *(group.column(at).num_values for at in wanted.values())])
         if needed > LARGEST_GROUP or rows > MOST_IN_A_BYTE * size:
-            what = f"found {rows} rows of {needed} bytes in a group of a file of {size} bytes"
+            what = f"found {rows} rows, {needed} bytes in a row group, in a file of {size} bytes"
             expected = f"at most {LARGEST_GROUP} bytes, and {MOST_IN_A_BYTE} rows a byte"
             raise UnreadableInputError(path, f"{what}, expected {expected}")
     for number, batch in enumerate(file.iter_batches(ROWS_AT_ONCE, columns=[*wanted])):
