@@ -9,6 +9,7 @@ share it, but one relates the states before and after it. Without this a restitu
 that bounce").
 """
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -38,7 +39,7 @@ def as_described(data: Transitions, geometry: ContactGeometry | None, body: Body
     """The transitions that a model's loss is taken of.
 
     Velocities are plain differences where theta is in the rigid form and the body is described with more friction than
-    `MODERATE_FRICTION`; impacts are merged where theta has a restitution.
+    `MODERATE_FRICTION`, of tosses whose frames are not too close; impacts are merged where theta has a restitution.
 
     Args:
         data: transitions between successive frames.
@@ -47,9 +48,18 @@ def as_described(data: Transitions, geometry: ContactGeometry | None, body: Body
     """
     if geometry is None:
         return data
-    if geometry.is_rigid and body.friction > MODERATE_FRICTION and float(np.median(data.dt)) >= SHORTEST_PLAIN:
-        data = by_differences(data)
+    if geometry.is_rigid and body.friction > MODERATE_FRICTION:
+        data = _by_differences_where_slow(data)
     return data if geometry.restitution is None else merged_impacts(data, body)
+
+
+def _by_differences_where_slow(data: Transitions) -> Transitions:
+    """With plain differences in tosses whose median frame period is `SHORTEST_PLAIN` at least."""
+    slow = [bool(begin < end and np.median(data.dt[begin:end]) >= SHORTEST_PLAIN) for begin, end in pairwise(data.starts)]
+    if not any(slow):
+        return data
+    rows, plain = np.array(slow)[data.toss_index, np.newaxis], by_differences(data)
+    return replace(data, before=np.where(rows, plain.before, data.before), after=np.where(rows, plain.after, data.after))
 
 
 def merged_impacts(data: Transitions, body: Body) -> Transitions:

@@ -15,7 +15,7 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, FisherSums, SolveStatus, fisher_sums, transition_weights
 from contact_curation.contact.geometry_parameters import ContactGeometry
-from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
+from contact_curation.contact.loss_config import DEFAULT_LOSS, MODERATE_FRICTION, LossConfig
 from contact_curation.contact.parameter_form import Form, ParameterForm, parameter_form
 from contact_curation.contact.partial_sums import PartialSums
 from contact_curation.errors import InvalidValueError
@@ -91,6 +91,8 @@ def parameters_version(geometry: ContactGeometry, body: Body) -> str:
         state.update(b"precesses")  # what was scored before spins did is not mixed with it
     if geometry.is_rigid:
         state.update(b"balanced")  # nor what was scored with other weights of the loss
+        if body.friction > MODERATE_FRICTION:
+            state.update(np.float64(body.friction).tobytes())  # which the weights and the velocities follow
     return state.hexdigest()[:16]
 
 

@@ -58,9 +58,10 @@ class BadPose:
         stamp_ns: its header stamp.
         child: frame it was meant for.
         why: one line.
-        kind: "pose" where it is none, "array" where several may be it, "name" where none is called so, "static" where it is no
-            static transform, "stamp" where its time cannot be, "frame" where nothing leads from its frame to the board's,
-            "jump" where the body cannot have come so far; of tags also "camera" and the kinds of `motion.tags.pose`.
+        kind: "pose" where it is none, "array" where several may be it, "name" where none is called so, "twice" where several
+            are, "static" where it is no static transform, "stamp" where its time cannot be, "frame" where nothing leads from
+            its frame to the board's, "jump" where the body cannot have come so far; of tags also "camera" and the kinds of
+            `motion.tags.pose`.
     """
 
     stamp_ns: int

@@ -38,14 +38,17 @@ def _leave() -> None:
         os._exit(left_with[0])
 
 
-def runs_a_node() -> bool:
+def _runs_a_node() -> bool:
     """Whether this process was started to run one: `python -m contact_curation.nodes.trainer`, or a script `trainer`."""
     if sys.argv[0] == "-m":
         return any(word.startswith(f"{__name__}.") for word in sys.orig_argv)
     return Path(sys.argv[0]).name in {path.stem for path in Path(__file__).parent.glob("*.py")}  # no user's `trainer.py`
 
 
-if runs_a_node():
+runs_a_node = _runs_a_node()
+"""Whether this process was started to run a node; it cannot be told later, when Python has replaced `-m`."""
+
+if runs_a_node:
     atexit.register(_leave)  # before all others, so that it comes last
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))

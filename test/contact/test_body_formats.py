@@ -323,7 +323,7 @@ def test_pieces_of_a_mesh_may_touch_or_overlap(tmp_path: Path, shift: float, ove
     """Two boxes one above the other share the corners and edges of a face, once corners at one place are one."""
     file = tmp_path / "pair.stl"
     other = CENTER + np.array([0.0, 0.0, shift * HALF[2]])
-    triangles = TRIANGLES + tuple((8 + a, 8 + b, 8 + c) for a, b, c in TRIANGLES)
+    triangles = TRIANGLES + tuple((8 + a, 8 + b, 8 + c) for a, b, c in TRIANGLES) + ((0, 1, 1),)  # the last has no area
     file.write_text(stl_text(np.concatenate([corners_mm(), corners_mm(HALF, other)]), triangles))
     read = read_description(file, BodyOptions(scale=0.001, density=1000.0, friction=0.2))
     assert read.mass == pytest.approx(2.0 * 1000.0 * 8.0 * HALF.prod(), rel=1e-6)

@@ -9,6 +9,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described, merged_impacts
+from contact_curation.learning.fits.refits import subset
 from contact_curation.motion.transitions import Transitions, transitions_of
 from test.simulated import RIG_NOISE, simulated_tosses
 
@@ -109,6 +110,23 @@ def test_of_much_friction_velocities_lead_from_pose_to_pose(friction: float, rat
     assert as_described(data, ContactGeometry.of_body(body), body) is data
     merged = as_described(data, replace(rigid, restitution=0.3), body)
     np.testing.assert_array_equal(merged.after[-1], described.after[-1])
+
+
+def test_what_a_toss_is_described_by_does_not_depend_on_other_tosses() -> None:
+    body = replace(CONTACTNETS_CUBE, friction=0.6)
+    rigid = ContactGeometry.of_body(body).rigid()
+    data = transitions_of(simulated_tosses(3, 0, RIG_NOISE), body.length_scale)
+    rates = np.array([148.0, 296.0, 296.0])
+    data = replace(data, dt=1.0 / rates[data.toss_index])
+    together = as_described(data, rigid, body)
+    for toss in range(3):
+        alone = as_described(subset(data, np.array([toss]))[0], rigid, body)
+        rows = slice(*data.starts[toss : toss + 2])
+        np.testing.assert_array_equal(together.before[rows], alone.before)
+        np.testing.assert_array_equal(together.after[rows], alone.after)
+    slow = data.toss_index == 0
+    assert (together.after[slow, 7:10] != data.after[slow, 7:10]).any()
+    np.testing.assert_array_equal(together.after[~slow], data.after[~slow])
 
 
 def test_only_a_theta_with_a_restitution_describes_impacts() -> None:

@@ -107,6 +107,9 @@ def test_every_number_of_theta_and_body_is_in_the_version() -> None:
         versions.add(parameters_version(TRUE, replace(CUBE, **{name: getattr(CUBE, name) * 1.001})))
     assert len(versions) == 10
     assert parameters_version(TRUE, CUBE) in versions
+    rigid = [parameters_version(TRUE.rigid(), replace(CUBE, friction=friction)) for friction in (0.2, 0.3, 0.31, 0.6)]
+    assert rigid[0] == rigid[1]  # a described friction up to 0.3 changes no loss
+    assert len(set(rigid)) == 3
 
 
 def test_a_toss_without_a_solved_transition_is_not_scored_and_says_why() -> None:

@@ -1,11 +1,15 @@
 """Tosses as pairs of successive frames in characteristic units."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry import quaternions
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of, transitions_of
+from contact_curation.motion.transitions import by_differences, states_of, transitions_of
 from test.motion.streams import CUBE, HALF_WIDTH, stream
 from test.motion.test_segmenter import cut
 
@@ -34,6 +38,22 @@ def test_transitions_join_tosses_without_joining_their_ends(toss: Toss) -> None:
     np.testing.assert_array_equal(joined.index_in_toss, [*range(steps), *range(steps)])
     np.testing.assert_allclose(joined.dt, toss.frame_period)
     assert CUBE.polytope.corner_heights(toss.positions, toss.orientations_wxyz).min() > -1e-6
+
+
+def test_plain_velocities_lead_from_pose_to_pose_and_those_of_a_toss_are_its_own(toss: Toss) -> None:
+    other = replace(toss, positions=2.0 * toss.positions)
+    data = transitions_of([toss, other], HALF_WIDTH)
+    plain = by_differences(data)
+    np.testing.assert_allclose(
+        data.before[:, :3] + data.dt[:, np.newaxis] * plain.after[:, 7:10], data.after[:, :3], atol=1e-12
+    )
+    turns = quaternions.exp(data.dt[:, np.newaxis] * plain.after[:, 10:])
+    turned = quaternions.multiply(data.before[:, 3:7], turns)
+    np.testing.assert_allclose(np.abs((turned * data.after[:, 3:7]).sum(axis=1)), 1.0, atol=1e-12)
+    np.testing.assert_array_equal(plain.before[:, :7], data.before[:, :7])
+    for begin, end in pairwise(data.starts):
+        np.testing.assert_array_equal(plain.before[begin + 1 : end, 7:], plain.after[begin : end - 1, 7:])
+        np.testing.assert_array_equal(plain.before[begin, 7:], plain.after[begin, 7:])
 
 
 def test_no_tosses_are_no_transitions() -> None:

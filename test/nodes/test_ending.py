@@ -25,6 +25,14 @@ node_main.LONGEST_CLOSING = node_main.BLOCKED = 0.5
 sys.exit(node_main.run(Kept, "kept"))
 """
 
+BY_M = """
+import sys
+sys.argv[0], sys.orig_argv = "-m", [sys.executable, "-m", "contact_curation.nodes.curator"]
+import contact_curation.nodes
+sys.argv[0] = "curator.py"
+"""
+"""What Python does while it imports a module's packages, and before it runs the module."""
+
 LONGEST = 20.0
 """[s] on a busy machine; what keeps a node here, keeps it for minutes."""
 
@@ -36,10 +44,11 @@ KEPT = {
 """What is done at the node's end, the exit status and what is printed, by what keeps the process."""
 
 
+@pytest.mark.parametrize("by_m", [False, True])
 @pytest.mark.parametrize("keeper", KEPT)
-def test_a_node_ends_whatever_keeps_it(keeper: str, tmp_path: Path) -> None:
+def test_a_node_ends_whatever_keeps_it(keeper: str, by_m: bool, tmp_path: Path) -> None:
     close, status, message = KEPT[keeper]
-    left_with, said = ended(close, tmp_path)
+    left_with, said = ended(close, tmp_path, by_m)
     assert message in said
     assert left_with == status
 
@@ -48,10 +57,10 @@ def test_a_node_that_nothing_keeps_says_nothing(tmp_path: Path) -> None:
     assert ended("pass", tmp_path) == (0, "")
 
 
-def ended(close: str, folder: Path) -> tuple[int, str]:
+def ended(close: str, folder: Path, by_m: bool = False) -> tuple[int, str]:
     """The exit status of a node that a signal ends, and what it printed on standard error."""
-    script = folder / "curator"  # its name makes it a process of nodes
-    script.write_text(NODE.format(close=close))
+    script = folder / ("kept.py" if by_m else "curator")  # the name of a script makes it a process of nodes
+    script.write_text((BY_M if by_m else "") + NODE.format(close=close))
     with subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

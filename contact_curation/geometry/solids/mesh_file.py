@@ -5,7 +5,6 @@ may be hollow, concave or of several pieces; of an open one they are those of it
 """
 
 from io import BytesIO
-from itertools import combinations
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -168,15 +167,15 @@ def _enclosed(path: Path, mesh: Any) -> Mesh:
 
 def _is_closed(mesh: Any) -> bool:
     """Whether triangles pass every edge as often in one direction as in the other: pieces that touch may share edges."""
-    senses = np.where(mesh.edges[:, 0] < mesh.edges[:, 1], 1.0, -1.0)
+    senses = np.sign(mesh.edges[:, 1] - mesh.edges[:, 0]).astype(float)  # 0 of an edge without length
     return not np.bincount(mesh.edges_unique_inverse, weights=senses).any()
 
 
 def _may_overlap(mesh: Any) -> bool:
     """Whether bounding boxes of closed pieces overlap; a cavity is no piece, for its volume is negative."""
-    boxes = [piece.bounds for piece in mesh.split() if piece.volume > 0.0]
-    apart = FLAT * mesh.scale
-    return any((np.minimum(a[1], b[1]) - np.maximum(a[0], b[0]) > apart).all() for a, b in combinations(boxes, 2))
+    boxes = np.array([piece.bounds for piece in mesh.split() if piece.volume > 0.0])  # (pieces, 2, 3)
+    common = (np.minimum(boxes[k, 1], boxes[:k, 1]) - np.maximum(boxes[k, 0], boxes[:k, 0]) for k in range(1, len(boxes)))
+    return any(bool((lengths > FLAT * mesh.scale).all(axis=1).any()) for lengths in common)
 
 
 def _loaded(path: Path, data: bytes) -> Any:

@@ -157,7 +157,7 @@ class _Ending:
     def closed(self) -> None:
         """Cancels the time limit, because the nodes are closed; a process of nodes has as long again to end."""
         self._closed.set()
-        if runs_a_node():
+        if runs_a_node:
             _limit_outside_python(LONGEST_CLOSING)
         else:
             faulthandler.cancel_dump_traceback_later()

@@ -88,7 +88,7 @@ def import_poses(
     with BagWriter(out) as bag:
         writer = PoseWriter(bag, body, up)
         for done, table in enumerate(tables, start=1):
-            before = writer.recordings
+            before, seconds = writer.recordings, writer.seconds
             count, (rows, first) = writer.write(table), table.left_out
             back = writer.recordings - before - 1
             if back > 0 and count < SHORTEST * back:
@@ -96,6 +96,8 @@ def import_poses(
                 raise UnreadableInputError(table.path, f"{what}, expected rows in order of time, of one body")
             if not count:
                 raise UnreadableInputError(table.path, f"found no pose ({first}), expected one in each row")
+            if count > 1 and writer.seconds == seconds:
+                raise UnreadableInputError(table.path, f"found the same time in all {count} rows, expected a time of each")
             left_out += [f"{table.path}: left out {rows} rows without a pose ({first})"] if rows else []
             others = table.of_others
             left_out += [f"{table.path}: left out {others} rows of other bodies than {body.name}"] if others else []

@@ -39,6 +39,7 @@ from contact_curation.storage.datasets.pose_columns import (
     columns_of,
     words_of,
 )
+from contact_curation.storage.inputs.pose_messages import BODY_PREFIX
 
 LONGEST_LINE, LONGEST_HEADER = 1 << 16, 100
 """Characters of a line, and lines before the first row of numbers."""
@@ -85,7 +86,7 @@ class PoseTable:
 
     def __init__(self, path: Path, rate: float | None = None, body: str = "", angles: AngleConvention = UNTOLD) -> None:
         self.path, self.named, self.left_out, self.of_others = path, True, (0, ""), 0
-        self._body, self._length_unit, self._names = body, "", list[str]()
+        self._body, self._name, self._length_unit, self._names = body, "", "", list[str]()
         if path.exists() and not path.is_file():
             raise UnreadableInputError(path, "is no regular file, expected one: it is read several times")
         self._columns = self._header()
@@ -105,7 +106,7 @@ class PoseTable:
         left_out, first = 0, ""
         self.left_out, self.of_others = (left_out, first), 0
         for row, (line, values) in enumerate(self._rows()):
-            if self._whose is not None and self._whose < len(values) and not self._is_called(values[self._whose]):
+            if self._whose is not None and self._whose < len(values) and values[self._whose] != self._name:
                 self.of_others += 1
                 continue
             try:
@@ -151,8 +152,9 @@ class PoseTable:
         named = [self._names[at] for at in self._columns.pose[len(POSITION) :]] if self._names else []
         self.assumed = f"{named[0]} to {named[-1]} are taken as a rotation matrix row by row" if form in NUMBERED else ""
         if form != ANGLES:
-            if angles.order:
-                raise InvalidValueError("angles", f"{angles.order}, and no angles in {self.path}", "angles, or no such option")
+            if angles != UNTOLD:
+                given = " ".join(filter(None, (angles.order, angles.unit)))
+                raise InvalidValueError("angles", f"{given}, and no angles in {self.path}", "angles, or no such option")
             return as_it_is if form == QUATERNION else of_matrix
         found = f"found angles {', '.join(named)}"
         if not angles.order:
@@ -179,14 +181,20 @@ class PoseTable:
             found = list(dict.fromkeys(values[at] for values in rows if at < len(values)))
             if not 1 < len(found) <= len(rows) // 2:  # else rows are numbered
                 continue
-            if any(self._is_called(one) for one in found):
+            called = self._called(found)
+            if len(called) == 1:
+                self._name = called[0]
                 return at
-            what = f"poses of {', '.join(found[:MOST_NAMES])} in column {name!r}, none of them {self._body}'s"
+            which = "several" if called else "none"
+            what = f"poses of {', '.join(found[:MOST_NAMES])} in column {name!r}, {which} of them {self._body}'s"
             raise UnreadableInputError(self.path, f"found {what}; name the body (--body-name), or give the rows of one")
         return None
 
-    def _is_called(self, name: str) -> bool:
-        return words_of(name) in (words_of(self._body), words_of(f"body_{self._body}"))
+    def _called(self, names: Sequence[str]) -> list[str]:
+        """Those of some names that are the body's: its name as it is, else the same words."""
+        own = (self._body, f"{BODY_PREFIX}{self._body}")
+        words = [words_of(name) for name in own]
+        return [name for name in names if name in own] or [name for name in names if words_of(name) in words]
 
     def _unit_by_steps(self) -> int:
         at = self._columns.time

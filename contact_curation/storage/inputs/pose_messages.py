@@ -79,12 +79,16 @@ def of_named_poses(message: Any, child: str, index: int) -> Measured:
 
 def _of_names(header: Any, child: str, poses: Iterable[tuple[str, Any]]) -> Measured:
     """The pose of a name; where a body is lost, the only pose may be that of another one."""
-    named = {frame_name(str(name)): pose for name, pose in poses}
-    pose = named.get(child, named.get(child.removeprefix(BODY_PREFIX)))
-    if pose is None:
+    named: dict[str, list[Any]] = {}
+    for name, pose in poses:
+        named.setdefault(frame_name(str(name)), []).append(pose)
+    own = named.get(child, named.get(child.removeprefix(BODY_PREFIX), []))
+    if not own:
         found = ", ".join(sorted(named)[:MOST_NAMES]) or "no name"
         return BadPose(stamp_ns_of(header), child, f"poses of bodies: found {found}, expected {child}", "name")
-    return on_header(header, child, pose.position, pose.orientation)
+    if len(own) > 1:
+        return BadPose(stamp_ns_of(header), child, f"poses of bodies: found {len(own)} called {child}, expected one", "twice")
+    return on_header(header, child, own[0].position, own[0].orientation)
 
 
 POSE_MESSAGES: dict[str, Translator] = {

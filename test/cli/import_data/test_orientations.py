@@ -175,11 +175,12 @@ def test_what_is_not_said_of_angles_is_one_line(cli: Cli, names: str, options: l
     assert not (tmp_path / "poses.mcap").exists()
 
 
-def test_angles_are_not_said_of_a_table_without_any(cli: Cli, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("option", "value"), [("--angles", "xyz"), ("--angle-unit", "deg")])
+def test_angles_are_not_said_of_a_table_without_any(cli: Cli, option: str, value: str, tmp_path: Path) -> None:
     source = write(tmp_path / "a.csv", "qw,qx,qy,qz", TURNS.as_quat(scalar_first=True))
-    done = cli("import", "poses", source, "--angles", "xyz", "--out", tmp_path / "poses.mcap")
+    done = cli("import", "poses", source, option, value, "--out", tmp_path / "poses.mcap")
     assert (done.status, done.err.count("\n")) == (1, 1)
-    assert f"angles: found xyz, and no angles in {source}, expected angles, or no such option" in done.err
+    assert f"angles: found {value}, and no angles in {source}, expected angles, or no such option" in done.err
 
 
 def test_numbered_entries_are_taken_row_by_row_and_that_is_said(cli: Cli, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 import contact_curation as cc
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.errors import UnreadableInputError
 from contact_curation.storage.datasets.pose_columns import ColumnsError, columns_of
 from contact_curation.storage.datasets.pose_table import PoseTable
 from test.cli.commands import Cli
@@ -96,3 +97,28 @@ def test_rows_of_several_bodies_none_of_them_the_wanted_one_are_refused(cli: Cli
     numbered = [f"{row},{row},0,0,1,0,0,0,1" for row in range(20)]
     (tmp_path / "poses.csv").write_text("\n".join(["time,id,x,y,z,qx,qy,qz,qw", *numbered]))
     assert cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap", "--json").json["poses"] == 20
+
+
+@pytest.mark.parametrize(("body", "other"), [("cube (left)", "cube (right)"), ("20261128", "20261129"), ("body_cube", "cube2")])
+def test_rows_are_of_the_body_whose_name_they_have_as_it_is(body: str, other: str, tmp_path: Path) -> None:
+    lines = [f"{row // 2},{other if row % 2 else body},{row % 2},0,1,0,0,0,1" for row in range(20)]
+    (tmp_path / "poses.csv").write_text("\n".join(["time,name,x,y,z,qx,qy,qz,qw", *lines]))
+    table = PoseTable(tmp_path / "poses.csv", body=body.removeprefix("body_"))
+    assert [pose.position[0] for _, pose in table] == [0.0] * 10
+    assert table.of_others == 10
+
+
+def test_rows_of_several_bodies_of_almost_the_wanted_name_are_refused(tmp_path: Path) -> None:
+    lines = [f"{row // 2},cube[{row % 2}],{row % 2},0,1,0,0,0,1" for row in range(20)]
+    (tmp_path / "poses.csv").write_text("\n".join(["time,name,x,y,z,qx,qy,qz,qw", *lines]))
+    said = r"found poses of cube\[0\], cube\[1\] in column 'name', several of them cube's"
+    with pytest.raises(UnreadableInputError, match=said):
+        PoseTable(tmp_path / "poses.csv", body="cube")
+
+
+def test_one_time_in_all_rows_is_refused(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "poses.csv").write_text("\n".join(["date,x,y,z,qx,qy,qz,qw", *["2026-11-28,0,0,1,0,0,0,1"] * 20]))
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap")
+    assert (done.status, done.err.count("\n")) == (1, 1)
+    assert "found the same time in all 20 rows, expected a time of each" in done.err
+    assert not (tmp_path / "poses.mcap").exists()

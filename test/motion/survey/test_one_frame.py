@@ -29,6 +29,13 @@ def moved(change: Array) -> tuple[Toss, ...]:
     return tuple(replace(toss, positions=places, linear_velocities=rates) for toss, (places, rates) in pairs)
 
 
+def verdict_of(tosses: tuple[Toss, ...]) -> str:
+    recording = Recording("a", outcomes=tosses, series=tuple(series_of(toss) for toss in tosses))
+    found = concluded(Evidence(ReadingConfig(SLAB), (recording,)))
+    assert not found.ok
+    return found.verdict
+
+
 def found_in(tosses: tuple[Toss, ...]) -> OtherFrame | None:
     return other_frame(tosses, SLAB.vertices, SLAB.inertia / SLAB.mass, SLAB.gravity)
 
@@ -68,9 +75,13 @@ def test_positions_that_are_turned_alone_are_found(degrees: float) -> None:
     assert found.angle == pytest.approx(360.0 - degrees, abs=20.0)
 
 
+@pytest.mark.parametrize("degrees", [90, -90, 45])
+def test_it_is_said_how_positions_are_turned(degrees: int) -> None:
+    tosses = moved(quaternions.to_matrix(quaternions.exp(np.radians([0.0, 0.0, degrees]))))
+    assert verdict_of(tosses).startswith(
+        f"positions are turned by {degrees:+d} degrees about the vertical against orientations"
+    )
+
+
 def test_it_is_the_verdict_where_falls_and_rests_are_sound() -> None:
-    tosses = moved(MIRROR)
-    recording = Recording("a", outcomes=tosses, series=tuple(series_of(toss) for toss in tosses))
-    found = concluded(Evidence(ReadingConfig(SLAB), (recording,)))
-    assert found.verdict.startswith("positions are mirrored against orientations: read so, ")
-    assert not found.ok
+    assert verdict_of(moved(MIRROR)).startswith("positions are mirrored against orientations: read so, ")

@@ -69,6 +69,8 @@ def test_of_bodies_with_names_the_one_that_is_called_so_is_taken_and_no_other_wh
     assert lost == BadPose(ONE.stamp_ns, "body_cube", "poses of bodies: found ball, wand, expected body_cube", "name")
     source = find_pose_source("bag", [TypedTopic("/rigid_bodies", type_name)], "cube", PoseTopicConfig())
     assert source.measured("/rigid_bodies", message(type_name, cube)) == (ONE,)
+    twice = measured_pose(type_name, message(type_name, replace(ONE, child="wand")), "wand")
+    assert twice == BadPose(ONE.stamp_ns, "wand", "poses of bodies: found 2 called wand, expected one", "twice")
 
 
 def test_transforms_are_poses_of_their_children_and_static_on_tf_static() -> None:

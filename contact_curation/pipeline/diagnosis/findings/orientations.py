@@ -53,7 +53,8 @@ def beside_positions(evidence: Evidence) -> Finding | None:
     found = other_frame(evidence.tosses, body.vertices, body.inertia / body.mass, body.gravity)
     if found is None:
         return None
-    how = "mirrored" if found.mirrored else f"turned by {found.angle:.0f} degrees about the vertical"
+    turn = (180.0 - found.angle) % 360.0 - 180.0  # of positions, which lie in a frame that is turned the other way
+    how = "mirrored" if found.mirrored else f"turned by {turn:+.0f} degrees about the vertical"
     what = (
         f"positions are {how} against orientations: read so, {found.impacts} impacts turn the body as they push it, with "
         f"{found.times:.1f} times smaller errors"

@@ -25,6 +25,7 @@ QUIETER = "more light, larger tags or a nearer camera"
 REMEDIES = {
     "pose": "publish unit quaternions, and nothing where the tracker has no pose",
     "name": "name the body's with --body-frame, or record it whole",
+    "twice": "give each tag or body another id or name",
     "array": "say --set poses.array_index=N, counted from 0",
     **dict.fromkeys(("lost", "misfit", "flip", "unsure"), QUIETER),
 }
