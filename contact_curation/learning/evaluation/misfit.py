@@ -151,7 +151,7 @@ def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body:
     use = friction_use(data, geometry, body)
     if use is None or use.sliding >= SLIDING:
         return ""
-    friction = float(np.linalg.norm(geometry.tangents[0]))
+    friction = geometry.friction
     if found is not None and found.median <= friction:
         return ""
     describe = ""

@@ -39,7 +39,7 @@ from contact_curation.storage.datasets.pose_columns import (
     columns_of,
     words_of,
 )
-from contact_curation.storage.inputs.pose_messages import BODY_PREFIX
+from contact_curation.storage.inputs.pose_messages import BODY_PREFIX, MOST_NAMES
 
 LONGEST_LINE, LONGEST_HEADER = 1 << 16, 100
 """Characters of a line, and lines before the first row of numbers."""
@@ -54,9 +54,6 @@ LARGEST_TIME, SLOWEST_RATE = Decimal(1 << 62), 1e-3
 COMMENTS, SEPARATORS = ("#", "%"), (";", "\t", ",", None)
 NAMING_WORDS = {"name", "id", "body", "object", "subject", "target", "tag", "marker", "rigid", "child", "frame"}
 """Of a column that says whose pose a row has."""
-MOST_NAMES = 8
-"""Of bodies in a message."""
-
 FEWEST = len(POSITION) + len(ANGLES)
 """Numbers of a row."""
 
