@@ -357,6 +357,13 @@ def test_settings_have_the_names_that_the_command_takes(cli: Cli, golden_bag: Pa
     assert json.loads(again.out)["tosses"] == json.loads(done.out)["tosses"]
 
 
+def test_a_manifest_has_the_settings_of_reading_and_loss(cli: Cli, golden_bag: Path, tmp_path: Path) -> None:
+    settings = ("gates.rest_tilt=0.0004", "loss.match=0.2")
+    done = cli("rank", golden_bag, *(f"--set={one}" for one in settings), "--out", tmp_path / "best.json")
+    assert done.status == 0, done.err
+    assert read_manifest(tmp_path / "best.json").run.settings == settings
+
+
 def test_a_training_goes_on_from_a_model_in_memory_as_from_its_file(
     ranking: cc.RankedTosses, model: cc.LearnedModel, tmp_path: Path
 ) -> None:
