@@ -5,9 +5,11 @@ fitted as `train` does, with velocities that are filtered or not. Tosses seen at
 friction are printed for each seed, the others are means.
 
     python -m benchmarks.learning.frame_rates [--worlds cube_2ms slab_4ms] [--rates 30 60 90 120 148 250] [--seeds 5]
-        [--tosses 16] [--weights balanced published timed] [--noise 1] [--lengths 1] [--velocities filtered differences]
-        [--save ROWS.jsonl]
+        [--tosses 16] [--weights balanced published timed] [--noise 1] [--lengths 1]
+        [--velocities filtered differences train] [--save ROWS.jsonl]
 
+Filtered velocities and differences are those of each frame; with `train` both are as in training, whose transitions lead over
+several frames where the tracker is noisy (`information.impacts`).
 With --lengths bodies are so many times as large, and seen by the same tracker. With the weights `timed` velocities count
 against gaps by the body's own time sqrt(length / gravity), as that of ContactNets' cube is to it. Rows that are in the file
 already are not made again.
@@ -34,11 +36,16 @@ from benchmarks.learning.sliding_friction import PLAIN, fitted
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.loss_config import LossConfig
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench
+from contact_curation.information import impacts
 from contact_curation.motion import smoothing
 from contact_curation.motion.gate_config import GateConfig
 
-ARMS = {"filtered": np.inf, "differences": 0.0}
-"""The longest time between frames at which velocities are filtered [s]."""
+ARMS = {
+    "filtered": (np.inf, np.inf),
+    "differences": (0.0, np.inf),
+    "train": (smoothing.LONGEST_FILTERED, impacts.HIDDEN),
+}
+"""The longest time between frames at which velocities are filtered [s], and the most noise at which each frame counts."""
 
 MEASURES = ("vertices_mm", "position", "rotation", "mujoco_position", "mujoco_rotation")
 JUDGES = 30
@@ -69,10 +76,12 @@ def row_of(key: Row) -> Row:
     world, seed = WORLDS[key["world"]], key["seed"]
     world = replace(world, body=larger(world.body, key["length"]))
     judging = world.tosses(JUDGES, 1000 * seed + 1)
-    with mock.patch.object(smoothing, "LONGEST_FILTERED", ARMS[key["arm"]]):
+    longest, hidden = ARMS[key["arm"]]
+    with mock.patch.object(smoothing, "LONGEST_FILTERED", longest):
         tosses = replace(world, frame_period=1.0 / key["rate"]).tosses(key["tosses"], 1000 * seed, key["noise"])
     bench = Bench(world.body, tosses, judging, GateConfig())
-    model = fitted(bench, tosses, seed, PLAIN, loss_of(key["weights"], world.body))
+    with mock.patch.object(impacts, "HIDDEN", hidden):
+        model = fitted(bench, tosses, seed, PLAIN, loss_of(key["weights"], world.body))
     found = errors_of(model, bench, np.zeros(3))
     errors = {name: float(np.nanmean(found[name])) for name in MEASURES}
     return {**errors, "friction": 100.0 * (found["friction"] / world.body.friction - 1.0)}
@@ -97,7 +106,7 @@ def main() -> int:
     parser.add_argument("--worlds", nargs="+", choices=tuple(WORLDS), default=["cube_2ms", "slab_4ms"])
     parser.add_argument("--rates", nargs="+", type=int, default=[30, 60, 90, 120, 148, 250])
     parser.add_argument("--weights", nargs="+", choices=(*LOSSES, TIMED), default=["balanced"])
-    parser.add_argument("--velocities", nargs="+", choices=tuple(ARMS), default=list(ARMS))
+    parser.add_argument("--velocities", nargs="+", choices=tuple(ARMS), default=["filtered", "differences"])
     parser.add_argument("--lengths", nargs="+", type=float, default=[1.0])
     parser.add_argument("--noise", type=float, default=1.0)
     parser.add_argument("--tosses", type=int, default=16)

@@ -3,16 +3,22 @@
 Velocities of fast cameras are medians of three (motion/smoothing.py), from which much friction is learned far too low
 (docs/explanation/learning.md, "Much friction"). So those of a body with much friction are plain differences.
 
+Where the tracker's noise hides what gravity does within a frame period, transitions lead over several frames, with the mean
+velocities between these: else what is noise counts as slip and impulses, and friction is learned far too high
+(docs/explanation/learning.md, "Noisy and fast trackers").
+
 With a restitution, one transition spans all frame periods of an impact. The frame period in which a body meets the board has a
 mean velocity that is neither the one before nor the one after the impact. No law of impact relates the two transitions that
 share it, but one relates the states before and after it. Without this a restitution cannot be learned (docs/results.md, "Bodies
 that bounce").
 """
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
@@ -31,6 +37,19 @@ LONGEST = 3
 """Transitions are merged where at most so many in a row begin with such a change."""
 
 
+HIDDEN, CLEAR = 0.3, 0.1
+"""Noise of a vertex relative to how far a body falls in a transition, g dt^2: with more than the first a transition leads over
+so many frames that it has the second at most."""
+
+LONGEST_SPAN = 1.0 / 60.0
+"""[s] Over longer transitions impacts are not seen."""
+
+FEWEST = 8
+"""Transitions of a toss."""
+
+THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
+"""Median size of third differences of noise, in its standard deviations."""
+
 SHORTEST_PLAIN = 1.0 / 220.0
 """[s] At frames that are closer the noise of plain differences makes friction too high."""
 
@@ -38,8 +57,9 @@ SHORTEST_PLAIN = 1.0 / 220.0
 def as_described(data: Transitions, geometry: ContactGeometry | None, body: Body) -> Transitions:
     """The transitions that a model's loss is taken of.
 
-    Velocities are plain differences where theta is in the rigid form and the body is described with more friction than
-    `MODERATE_FRICTION`, of tosses whose frames are not too close; impacts are merged where theta has a restitution.
+    For a theta in the rigid form, transitions of a toss lead over several frames where its tracker is noisy, and velocities are
+    plain differences where the body is described with more friction than `MODERATE_FRICTION`, and frames are not too close.
+    Impacts are merged where theta has a restitution.
 
     Args:
         data: transitions between successive frames.
@@ -48,17 +68,58 @@ def as_described(data: Transitions, geometry: ContactGeometry | None, body: Body
     """
     if geometry is None:
         return data
-    if geometry.is_rigid and body.friction > MODERATE_FRICTION:
-        data = _by_differences_where_slow(data)
+    if geometry.is_rigid:
+        data = over_noise(data, body)
+        if body.friction > MODERATE_FRICTION:
+            data = _by_differences_where_slow(data)
     return data if geometry.restitution is None else merged_impacts(data, body)
+
+
+def over_noise(data: Transitions, body: Body) -> Transitions:
+    """The transitions, over several frames in tosses whose tracker's noise hides what gravity does within one.
+
+    Such a toss loses the frames at its end that are too few for another transition, and its velocities are mean ones.
+    """
+    ends = [*pairwise(data.starts.tolist())]
+    spans = [_span(data, slice(*each), body) for each in ends]
+    if max(spans, default=1) == 1:
+        return data
+    firsts = [np.arange(begin, end - span + 1, span) for span, (begin, end) in zip(spans, ends, strict=True)]
+    periods = [data.dt[first[:, np.newaxis] + np.arange(span)].sum(axis=1) for span, first in zip(spans, firsts, strict=True)]
+    counts = [len(first) for first in firsts]
+    first, span = np.concatenate(firsts), np.repeat(spans, counts)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    over = Transitions(data.toss_ids, data.before[first], data.after[first + span - 1], np.concatenate(periods), starts)
+    return _by_differences_in(over, np.array(spans) > 1)
+
+
+def _span(data: Transitions, rows: slice, body: Body) -> int:
+    """How many frames a transition of a toss leads over."""
+    before, after, periods = data.before[rows], data.after[rows], data.dt[rows]
+    if len(periods) < 2 * FEWEST:
+        return 1
+    turns = quaternions.log(quaternions.multiply(quaternions.conjugate(before[:, 3:7]), after[:, 3:7]))
+    place, turn = (
+        float(np.median(np.abs(np.diff(steps, n=2, axis=0)))) / THIRD_DIFFERENCE
+        for steps in (after[:, :3] - before[:, :3], turns)
+    )
+    noise = math.hypot(place, turn * math.sqrt(float(np.square(body.scaled_vertices).sum(axis=1).mean())))
+    period = float(np.median(periods))
+    if not noise > HIDDEN * body.scaled_gravity * period**2:
+        return 1
+    seconds = min(math.sqrt(noise / (CLEAR * body.scaled_gravity)), LONGEST_SPAN)
+    return max(1, min(math.ceil(seconds / period), len(periods) // FEWEST))
 
 
 def _by_differences_where_slow(data: Transitions) -> Transitions:
     """With plain differences in tosses whose median frame period is `SHORTEST_PLAIN` at least."""
     slow = [bool(begin < end and np.median(data.dt[begin:end]) >= SHORTEST_PLAIN) for begin, end in pairwise(data.starts)]
-    if not any(slow):
-        return data
-    rows, plain = np.array(slow)[data.toss_index, np.newaxis], by_differences(data)
+    return _by_differences_in(data, np.array(slow)) if any(slow) else data
+
+
+def _by_differences_in(data: Transitions, tosses: NDArray[np.bool_]) -> Transitions:
+    """With plain differences in some tosses (K,)."""
+    rows, plain = tosses[data.toss_index, np.newaxis], by_differences(data)
     return replace(data, before=np.where(rows, plain.before, data.before), after=np.where(rows, plain.after, data.after))
 
 

@@ -90,7 +90,7 @@ def parameters_version(geometry: ContactGeometry, body: Body) -> str:
     if geometry.is_rigid and body.gyroscopic_inertia is not None:
         state.update(b"precesses")  # what was scored before spins did is not mixed with it
     if geometry.is_rigid:
-        state.update(b"balanced")  # nor what was scored with other weights of the loss
+        state.update(b"balanced, over noise")  # nor what was scored with other weights or transitions
         if body.friction > MODERATE_FRICTION:
             state.update(np.float64(body.friction).tobytes())  # which the weights and the velocities follow
     return state.hexdigest()[:16]

@@ -11,7 +11,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described, merged_impacts
 from contact_curation.learning.fits.refits import subset
 from contact_curation.motion.transitions import Transitions, transitions_of
-from test.simulated import RIG_NOISE, simulated_tosses
+from test.simulated import RIG_NOISE, TrackerNoise, simulated_tosses
 
 DT = 1.0 / 148.0
 GRAVITY = CONTACTNETS_CUBE.scaled_gravity
@@ -116,7 +116,7 @@ def test_what_a_toss_is_described_by_does_not_depend_on_other_tosses() -> None:
     body = replace(CONTACTNETS_CUBE, friction=0.6)
     rigid = ContactGeometry.of_body(body).rigid()
     data = transitions_of(simulated_tosses(3, 0, RIG_NOISE), body.length_scale)
-    rates = np.array([148.0, 296.0, 296.0])
+    rates = np.array([148.0, 225.0, 225.0])
     data = replace(data, dt=1.0 / rates[data.toss_index])
     together = as_described(data, rigid, body)
     for toss in range(3):
@@ -127,6 +127,32 @@ def test_what_a_toss_is_described_by_does_not_depend_on_other_tosses() -> None:
     slow = data.toss_index == 0
     assert (together.after[slow, 7:10] != data.after[slow, 7:10]).any()
     np.testing.assert_array_equal(together.after[~slow], data.after[~slow])
+
+
+@pytest.mark.parametrize(("noise", "span"), [(1.0, 1), (4.0, 2), (20.0, 3)])
+def test_transitions_lead_over_several_frames_where_the_tracker_is_noisy(noise: float, span: int) -> None:
+    quiet = simulated_tosses(1, 0, RIG_NOISE)
+    noisy = simulated_tosses(1, 1, TrackerNoise(noise * RIG_NOISE.position, noise * RIG_NOISE.orientation))
+    data = transitions_of((*quiet, *noisy), CONTACTNETS_CUBE.length_scale)
+    rigid = ContactGeometry.of_body(CONTACTNETS_CUBE).rigid()
+    described = as_described(data, rigid, CONTACTNETS_CUBE)
+    assert described.toss_ids == data.toss_ids
+    assert np.diff(described.starts).tolist() == [int(data.starts[1]), *(np.diff(data.starts)[1:] // span)]
+    for toss in range(2):
+        rows, own = (slice(*starts[toss : toss + 2]) for starts in (described.starts, data.starts))
+        each = span if toss else 1
+        many = np.diff(described.starts)[toss] * each
+        np.testing.assert_array_equal(described.before[rows, :7], data.before[own][:many:each, :7])
+        np.testing.assert_array_equal(described.after[rows, :7], data.after[own][each - 1 : many : each, :7])
+        np.testing.assert_allclose(described.dt[rows], each / 148.0, rtol=1e-9)
+        alone = as_described(subset(data, np.array([toss]))[0], rigid, CONTACTNETS_CUBE)
+        np.testing.assert_array_equal(described.after[rows], alone.after)
+        np.testing.assert_array_equal(described.dt[rows], alone.dt)
+    if span > 1:
+        moved = described.before[:, :3] + described.dt[:, np.newaxis] * described.after[:, 7:10]
+        later = described.toss_index > 0
+        np.testing.assert_allclose(moved[later], described.after[later, :3], atol=1e-12)
+    assert as_described(data, ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE) is data
 
 
 def test_only_a_theta_with_a_restitution_describes_impacts() -> None:

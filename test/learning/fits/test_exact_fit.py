@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.models.model import Rows
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.fits import exact_fit
 from contact_curation.learning.fits.exact_fit import _only, optimum, theta_0
@@ -21,7 +24,7 @@ from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions, transitions_of
-from test.simulated import simulated_tosses
+from test.simulated import RIG_NOISE, TrackerNoise, simulated_tosses
 
 EXACT = exact()
 
@@ -161,3 +164,16 @@ def test_the_number_of_starts_is_a_setting_that_a_checkpoint_keeps(data: Transit
     assert resumed.config.starts == 2
     with pytest.raises(InvalidValueError, match="starts: found 0, expected a whole number of at least 1"):
         replace(EXACT, starts=0)
+
+
+@pytest.mark.parametrize("noise", [13.0, 20.0])
+def test_friction_is_learned_from_tosses_of_a_noisy_tracker(noise: float) -> None:
+    tracker = TrackerNoise(noise * RIG_NOISE.position, noise * RIG_NOISE.orientation)
+    data = transitions_of(simulated_tosses(8, 1, tracker), CONTACTNETS_CUBE.length_scale)
+    start = theta_0(PolytopeModel(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), CONTACTNETS_CUBE, Form.RIGID))
+    found, each_frame = (
+        optimum(start, rows, DEFAULT_LOSS, 0.0).model.geometry().friction / CONTACTNETS_CUBE.friction
+        for rows in (as_described(data, start.geometry(), CONTACTNETS_CUBE), data)
+    )
+    assert found == pytest.approx(1.0, abs=0.1)
+    assert each_frame > 1.2
