@@ -37,7 +37,7 @@ LONGEST = 3
 """Transitions are merged where at most so many in a row begin with such a change."""
 
 
-HIDDEN, CLEAR = 0.3, 0.1
+HIDDEN, CLEAR = 0.35, 0.1
 """Noise of a vertex relative to how far a body falls in a transition, g dt^2: with more than the first a transition leads over
 so many frames that it has the second at most."""
 
