@@ -45,6 +45,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.information.subspace import identifiable_subspace, model_covariance, sandwich_covariance
+from contact_curation.learning.evaluation.rebounds import Rebound, rebound_of
 from contact_curation.learning.fits.polytope_sums import PolytopeSums, fitted_form, polytope_sums
 from contact_curation.learning.uncertainty.two_way import impact_scores, interval_factor, two_way_covariance
 from contact_curation.motion.survey.sliding import Sliding
@@ -86,8 +87,9 @@ class KnownParameter(NamedTuple):
         cramer_rao, sandwich, naive: see above; inf where the empirical Fisher matrix is singular.
         deviation: the standard deviation to quote.
         interval: half the width of the 95 % interval that follows from it, and from `misfit`.
-        misfit: how far from a learned friction that of sliding bodies may be, with 95 % confidence. All impacts alike may ask
-            for another friction, which no spread of tosses or impacts tells of.
+        misfit: how far from a learned friction that of sliding bodies may be, with 95 % confidence, or how far from a learned
+            restitution the share of their speed is with which corners leave first impacts. All impacts alike may ask for
+            another value, which no spread of tosses or impacts tells of.
     """
 
     name: str
@@ -157,7 +159,7 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
     Raises:
         InvalidValueError: no polytope, or one without a physical form; or no toss has information about theta.
     """
-    model = _about_the_middle(model, fitted)
+    model, rebound = _about_the_middle(model, fitted), rebound_of(fitted, model.body)
     fitted, others = (as_described(data, model.geometry(), model.body) for data in (fitted, others))
     sums = polytope_sums(model, fitted, Estimator.GAUSS_NEWTON, config.loss)
     information = sums.fishers.sum(axis=0)
@@ -172,7 +174,7 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
     newton = np.linalg.solve(variance * prior + information, sums.scores.sum(axis=0))
     rows = _parameters(model, *deviations, interval_factor(len(fitted.toss_ids), len(groups)) * deviations[-1])
     return Known(
-        parameters=rows if sliding is None else tuple(_beside_sliding(row, sliding) for row in rows),
+        parameters=tuple(_beside_observed(row, sliding, rebound) for row in rows),
         vertices=_vertices(model, both),
         noise_variance=variance,
         directions=identifiable_subspace(information).dimension,
@@ -182,11 +184,14 @@ def known(model: Model, fitted: Transitions, others: Transitions, config: KnownC
     )
 
 
-def _beside_sliding(row: KnownParameter, sliding: Sliding) -> KnownParameter:
-    """A friction with its distance from that of sliding bodies, which its interval contains, too."""
-    if row.name != "friction":
+def _beside_observed(row: KnownParameter, sliding: Sliding | None, rebound: Rebound | None) -> KnownParameter:
+    """A friction or restitution with its distance from what motions show without a model; its interval contains this, too."""
+    if row.name == "friction" and sliding is not None:
+        misfit = sliding.farthest_from(row.value)
+    elif row.name == "restitution" and rebound is not None:
+        misfit = abs(row.value - rebound.restitution)
+    else:
         return row
-    misfit = sliding.farthest_from(row.value)
     return row._replace(interval=float(np.hypot(row.interval, misfit)), misfit=misfit)
 
 

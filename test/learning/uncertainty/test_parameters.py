@@ -13,6 +13,7 @@ from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.evaluation.rebounds import rebound_of
 from contact_curation.learning.fits.polytope_fit import FitConfig, fit_polytope
 from contact_curation.learning.uncertainty.coverage import bootstrap_deviations, calibration, whole_hessian_deviations
 from contact_curation.learning.uncertainty.parameters import Known, KnownConfig, known, unit_sizes
@@ -20,7 +21,7 @@ from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.storage.datasets.contactnets import read_contactnets
-from test.simulated import simulated_tosses
+from test.simulated import RIG_NOISE, simulated_tosses
 
 LOSS = LossConfig(threads=1)
 CONFIG = KnownConfig(loss=LOSS)
@@ -151,6 +152,19 @@ def test_the_interval_of_a_friction_holds_that_of_sliding_bodies(
         assert both.misfit == pytest.approx(abs(0.25 - alone.value) + 1.96 * sliding.median_error)
         assert both.interval == pytest.approx(np.hypot(alone.interval, both.misfit))
         assert both[:-2] == alone[:-2]
+
+
+def test_the_interval_of_a_restitution_holds_what_first_impacts_show() -> None:
+    bouncing = replace(CUBE.rigid(), restitution=0.4)
+    tosses = simulated_tosses(12, 3, RIG_NOISE, geometry=bouncing)
+    rows, others = (transitions_of(part, CONTACTNETS_CUBE.length_scale) for part in (tosses[:8], tosses[8:]))
+    shown = rebound_of(rows, CONTACTNETS_CUBE)
+    assert shown is not None
+    off = PolytopeModel(replace(bouncing, restitution=0.05), CONTACTNETS_CUBE, Form.RIGID)
+    (found,) = (row for row in known(off, rows, others, CONFIG).parameters if row.name == "restitution")
+    assert found.misfit == pytest.approx(shown.restitution - 0.05)
+    assert found.interval == pytest.approx(np.hypot(found.misfit, found.interval_of_fit))
+    assert found.interval > 0.2
 
 
 def test_a_theta_that_was_not_fitted_to_the_tosses_is_told(rows: Transitions, others: Transitions) -> None:
