@@ -15,6 +15,9 @@ from contact_curation.pipeline.wording import counted_tosses
 LISTED = 5
 """Largest number of selections that are reported one by one."""
 
+FEWEST = 3
+"""Held-out tosses whose loss says something of others."""
+
 
 @dataclass(frozen=True, eq=False)
 class TrainReport:
@@ -85,8 +88,12 @@ def print_report(report: TrainReport) -> None:
     if (known_to := report.run.plan.protocol.shape_known_to) is not None:
         print(f"corners were taken as known to {1e3 * known_to:g} mm")
     if report.run.plan.held_out:
-        held_out = counted_tosses(len(report.run.plan.held_out))
-        print(f"held-out loss {report.run.loss_before:.4g} before, {report.run.loss_after:.4g} after, on {held_out}")
+        count = len(report.run.plan.held_out)
+        few = "" if count >= FEWEST else ", too few to judge by: --held-out 0.3 holds more out"
+        print(
+            f"held-out loss {report.run.loss_before:.4g} before, {report.run.loss_after:.4g} after, "
+            f"on {counted_tosses(count)}{few}"
+        )
     else:
         print("no toss is held out: the loss on tosses that the model was not trained on is not known")
     print(f"training loss {progress.training_loss:.4g}")
