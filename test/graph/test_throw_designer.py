@@ -48,6 +48,11 @@ def started(graph: Graph, **changed: Any) -> Any:
     return graph.start("throw_designer", label=f"designer{len(graph.processes)}", **parameters)
 
 
+def turn_auto(graph: Graph, *, on: bool) -> None:
+    request = SetParameters.Request(parameters=[Parameter(name="auto", value=ParameterValue(type=1, bool_value=on))])
+    assert graph.listener.call(SetParameters, "/throw_designer/set_parameters", request).results[0].successful
+
+
 def trusted(graph: Graph) -> dict[str, Any]:
     return {"params": write_parameters(graph.folder / "true.json"), "readiness.enabled": False}
 
@@ -166,9 +171,7 @@ def test_no_throw_is_made_once_auto_is_off(graph: Graph) -> None:
     started(graph, auto=True, **{**trusted(graph), "design.pool": 192, "toss_timeout": LONG})
     graph.until(lambda: reports and reports[-1].state == "scored", LONG, "a throw whose toss was scored")
     settled(0.3)  # the next one is being designed
-    value = ParameterValue(type=1, bool_value=False)
-    request = SetParameters.Request(parameters=[Parameter(name="auto", value=value)])
-    assert graph.listener.call(SetParameters, "/throw_designer/set_parameters", request).results[0].successful
+    turn_auto(graph, on=False)
     sent = len(thrower.commands)
     graph.until(lambda: reports[-1].detail == "auto was turned off", LONG, "the throw that was being designed")
     settled(1.0)
@@ -232,7 +235,10 @@ def test_beside_a_second_thrower_no_throw_is_commanded(graph: Graph) -> None:
     reject = Mock(return_value=GoalResponse.REJECT)
     server = ActionServer(second.node, ExecuteThrow, "execute_throw", Mock(), goal_callback=reject)
     heard = graph.diagnostics()
-    started(graph, auto=True, max_throws=1, **trusted(graph))
+    started(graph, max_throws=1, **trusted(graph))
+    graph.until(lambda: heard, LONG, "the designer")
+    settled(1.0)  # it has discovered both, which it may not do at once
+    turn_auto(graph, on=True)
     why = "0 throws made, waiting for a single thrower: found 2 servers of execute_throw, which would all throw"
     graph.until(lambda: any(one.message == why for array in list(heard) for one in array.status), LONG, "a warning")
     settled(1.0)
