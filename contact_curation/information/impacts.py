@@ -36,7 +36,6 @@ UNUSUAL = 3.0
 LONGEST = 3
 """Transitions are merged where at most so many in a row begin with such a change."""
 
-
 HIDDEN, CLEAR = 0.35, 0.1
 """Noise of a vertex relative to how far a body falls in a transition, g dt^2: with more than the first a transition leads over
 so many frames that it has the second at most."""
@@ -45,7 +44,7 @@ LONGEST_SPAN = 1.0 / 60.0
 """[s] Over longer transitions impacts are not seen."""
 
 FEWEST = 8
-"""Transitions of a toss."""
+"""Transitions that a toss keeps."""
 
 THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
 """Median size of third differences of noise, in its standard deviations."""
@@ -69,13 +68,13 @@ def as_described(data: Transitions, geometry: ContactGeometry | None, body: Body
     if geometry is None:
         return data
     if geometry.is_rigid:
-        data = over_noise(data, body)
+        data = _over_noise(data, body)
         if body.friction > MODERATE_FRICTION:
             data = _by_differences_where_slow(data)
     return data if geometry.restitution is None else merged_impacts(data, body)
 
 
-def over_noise(data: Transitions, body: Body) -> Transitions:
+def _over_noise(data: Transitions, body: Body) -> Transitions:
     """The transitions, over several frames in tosses whose tracker's noise hides what gravity does within one.
 
     Such a toss loses the frames at its end that are too few for another transition, and its velocities are mean ones.
