@@ -1,7 +1,7 @@
 """The parts of the package know only the parts to their left, and each outside library stays in its part.
 
-errors | version < configs | extras | files < geometry | solver < contact | motion < information < learning < design
-< simulation | storage | dashboard < pipeline | stages < session < nodes | cli < experiments
+errors | version < configs | exit_timer | extras | files < geometry | solver < contact | motion < information < learning
+< design < simulation | storage | dashboard < pipeline | stages < session < nodes | cli < experiments
 
 The face, `import contact_curation as cc`, imports nothing until a name of it is used; types are an exception. The parts of the
 package do not use it, but for the command line, whose verbs are the same functions.
@@ -20,7 +20,7 @@ FOLDER = Path(__file__).resolve().parents[1] / PACKAGE
 
 LAYERS = (
     ("errors", "version"),
-    ("configs", "extras", "files"),
+    ("configs", "exit_timer", "extras", "files"),
     ("geometry", "solver"),
     ("contact", "motion"),
     ("information",),

@@ -21,6 +21,9 @@ class Kept(node_main.StageNode):
     def close(self):
         {close}
 
+    def destroy_node(self):
+        {destroy}
+
 node_main.LONGEST_CLOSING = node_main.BLOCKED = 0.5
 sys.exit(node_main.run(Kept, "kept"))
 """
@@ -36,31 +39,38 @@ sys.argv[0] = "curator.py"
 LONGEST = 20.0
 """[s] on a busy machine; what keeps a node here, keeps it for minutes."""
 
+HOLDS = "ctypes.PyDLL(None).sleep(600)"
+"""A call that returns late, and lets no other Python run."""
+
 KEPT = {
-    "a job": ("time.sleep(600)", 0, "kept: not closed after 0.5 s; what is unfinished is taken up after the next start"),
-    "a call that holds Python": ("ctypes.PyDLL(None).sleep(600)", 1, "in close"),
-    "a thread": ("threading.Thread(target=time.sleep, args=(600,)).start()", 1, "in _shutdown"),
+    "a job": (
+        "time.sleep(600)",
+        "pass",
+        0,
+        "kept: not closed after 0.5 s; what is unfinished is taken up after the next start",
+    ),
+    "a call that holds Python": (HOLDS, "pass", 1, "in close"),
+    "a thread": ("threading.Thread(target=time.sleep, args=(600,)).start()", "super().destroy_node()", 0, ""),
+    "the middleware": ("pass", HOLDS, 0, ""),
+    "nothing": ("pass", "super().destroy_node()", 0, ""),
 }
-"""What is done at the node's end, the exit status and what is printed, by what keeps the process."""
+"""How a node closes and is destroyed, the exit status and what it prints, by what keeps the process."""
 
 
 @pytest.mark.parametrize("by_m", [False, True])
 @pytest.mark.parametrize("keeper", KEPT)
 def test_a_node_ends_whatever_keeps_it(keeper: str, by_m: bool, tmp_path: Path) -> None:
-    close, status, message = KEPT[keeper]
-    left_with, said = ended(close, tmp_path, by_m)
+    close, destroy, status, message = KEPT[keeper]
+    left_with, said = ended(close, destroy, tmp_path, by_m)
     assert message in said
+    assert bool(said) == bool(message)
     assert left_with == status
 
 
-def test_a_node_that_nothing_keeps_says_nothing(tmp_path: Path) -> None:
-    assert ended("pass", tmp_path) == (0, "")
-
-
-def ended(close: str, folder: Path, by_m: bool = False) -> tuple[int, str]:
+def ended(close: str, destroy: str, folder: Path, by_m: bool) -> tuple[int, str]:
     """The exit status of a node that a signal ends, and what it printed on standard error."""
     script = folder / ("kept.py" if by_m else "curator")  # the name of a script makes it a process of nodes
-    script.write_text((BY_M if by_m else "") + NODE.format(close=close))
+    script.write_text((BY_M if by_m else "") + NODE.format(close=close, destroy=destroy))
     with subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None

@@ -30,6 +30,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.exit_timer import exit_after
 from contact_curation.nodes import left_with, runs_a_node
 from contact_curation.nodes.ros.given_parameters import PAGE, check_files, check_names, check_words, take_former_names
 from contact_curation.nodes.ros.qos import overridable, overrides_checked
@@ -155,12 +156,14 @@ class _Ending:
             self.executor.wake()
 
     def closed(self) -> None:
-        """Cancels the time limit, because the nodes are closed; a process of nodes has as long again to end."""
+        """Cancels the time limit, because the nodes are closed. A process of nodes has as long again to end.
+
+        Fast DDS may never return from deleting its participant, and Python cannot run meanwhile; nothing is lost then.
+        """
         self._closed.set()
+        faulthandler.cancel_dump_traceback_later()
         if runs_a_node:
-            _limit_outside_python(LONGEST_CLOSING)
-        else:
-            faulthandler.cancel_dump_traceback_later()
+            exit_after(LONGEST_CLOSING, 1 if self.failures else 0)
 
     def _limit(self, seconds: float) -> None:
         if not self._closed.wait(seconds):
@@ -249,7 +252,7 @@ def _begin_ros() -> None:
 
 
 def _close(ending: _Ending) -> None:
-    """Closes all nodes, then the middleware."""
+    """Closes all nodes, then the middleware, which may take no longer than they may."""
     for name, node in ending.nodes.items():
         try:
             node.close()
@@ -257,11 +260,11 @@ def _close(ending: _Ending) -> None:
             node.failure = node.failure or error
         if node.failure is not None:
             ending.failures[name] = node.failure
+    ending.closed()
     for node in ending.nodes.values():
         node.destroy_node()
     if ending.nodes:
         rclpy.try_shutdown()
-    ending.closed()
 
 
 def refuse(name: str, error: BaseException) -> int:
