@@ -93,7 +93,7 @@ def _over_noise(data: Transitions, body: Body) -> Transitions:
 
 
 def _span(data: Transitions, rows: slice, body: Body) -> int:
-    """How many frames a transition of a toss leads over."""
+    """How many frames a transition of a toss leads over, by its own noise; `motion.pose_noise` follows whole recordings."""
     before, after, periods = data.before[rows], data.after[rows], data.dt[rows]
     if len(periods) < 2 * FEWEST:
         return 1

@@ -52,6 +52,12 @@ KEPT = {
     "a call that holds Python": (HOLDS, "pass", 1, "in close"),
     "a thread": ("threading.Thread(target=time.sleep, args=(600,)).start()", "super().destroy_node()", 0, ""),
     "the middleware": ("pass", HOLDS, 0, ""),
+    "the middleware after a failure": (
+        'self.failure = OSError(28, "No space left on device", "store.sqlite")',
+        HOLDS,
+        1,
+        "kept: store.sqlite: found No space left on device, expected to read and write there",
+    ),
     "nothing": ("pass", "super().destroy_node()", 0, ""),
 }
 """How a node closes and is destroyed, the exit status and what it prints, by what keeps the process."""

@@ -209,8 +209,7 @@ def run_together(
         except FAILED as error:
             ending.failures.setdefault(process, error)
         finally:
-            _close(ending)
-    status = max((refuse(name, failure) for name, failure in ending.failures.items()), default=0)
+            status = _close(ending)
     left_with[:] = [status]
     return status
 
@@ -251,8 +250,8 @@ def _begin_ros() -> None:
         raise InvalidValueError("log of ROS", error, "a folder that can be written: set ROS_LOG_DIR") from error
 
 
-def _close(ending: _Ending) -> None:
-    """Closes all nodes, then the middleware, which may take no longer than they may."""
+def _close(ending: _Ending) -> int:
+    """Closes all nodes and prints what went wrong, then leaves the middleware; returns the exit status."""
     for name, node in ending.nodes.items():
         try:
             node.close()
@@ -260,11 +259,14 @@ def _close(ending: _Ending) -> None:
             node.failure = node.failure or error
         if node.failure is not None:
             ending.failures[name] = node.failure
-    ending.closed()
-    for node in ending.nodes.values():
-        node.destroy_node()
-    if ending.nodes:
-        rclpy.try_shutdown()
+    try:
+        return max((refuse(name, failure) for name, failure in ending.failures.items()), default=0)
+    finally:
+        ending.closed()
+        for node in ending.nodes.values():
+            node.destroy_node()
+        if ending.nodes:
+            rclpy.try_shutdown()
 
 
 def refuse(name: str, error: BaseException) -> int:
