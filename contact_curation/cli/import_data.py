@@ -45,6 +45,7 @@ def add_options(verb: OneLineParser) -> None:
     poses.add_argument("--up", choices=("x", "y", "z"), default="z", help="axis of the poses' frame that points up (default z)")
     poses.add_argument(
         "--angles",
+        type=_angle_order,
         metavar="ORDER",
         help="of orientations as three angles about x, y, z (roll, pitch, yaw): the order in which they turn, as in SciPy's "
         "Rotation.from_euler, xyz to zyx about fixed axes or XYZ to ZYX about the body's; or rotvec, a rotation vector",
@@ -59,6 +60,15 @@ def add_options(verb: OneLineParser) -> None:
         "contact-curation import contactnets contactnets/tosses_processed --out tosses.mcap",
         "contact-curation import poses mocap.csv --body brick.yaml --out session.mcap",
     )
+
+
+def _angle_order(text: str) -> str:
+    """Reads the order of three angles, for argparse."""
+    from contact_curation.storage.datasets.orientations import ORDERS
+
+    if text not in ORDERS:
+        raise argparse.ArgumentTypeError(f"found {text}, expected one of {', '.join(ORDERS)}")
+    return text
 
 
 def _add_common_options(parser: OneLineParser, runs: Callable[[argparse.Namespace], int]) -> None:
