@@ -14,7 +14,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.evaluation import Estimator, FisherSums
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import DEFAULT_LOSS, LossConfig
-from contact_curation.contact.torch_contacts import Frames, Theta, contacts_of
+from contact_curation.contact.torch_contacts import Contacts, Frames, Theta, contacts_of
 from contact_curation.contact.torch_loss import cone_problems, residuals
 from contact_curation.geometry.quaternions import Array
 from contact_curation.solver.certificate import free_directions, objectives
@@ -55,22 +55,40 @@ def fisher_sums_in_torch(
 
 
 def profile_fishers(geometry: ContactGeometry, frames: Frames, impulses: Array, config: LossConfig = DEFAULT_LOSS) -> Array:
-    """Gauss-Newton profile Fisher matrices (B, 6V + 10, 6V + 10) of transitions whose impulses (B, V, 3) are optimal."""
+    """Gauss-Newton profile Fisher matrices (B, P, P) of transitions whose impulses (B, V, 3) are optimal.
+
+    P is 6V + 10, and one more with a restitution.
+    """
     theta = Theta.of(geometry, frames.dt.device)
+    vector = theta.vector()
+    if geometry.restitution is not None:
+        vector = torch.cat([vector, vector.new_tensor([geometry.restitution])])
     given = torch.as_tensor(impulses, device=frames.dt.device)
-    problems = cone_problems(contacts_of(theta, frames), frames, config)
+    problems = cone_problems(_contacts(theta, vector, frames), frames, config)
     bases = torch.as_tensor(free_directions(impulses, objectives(problems, impulses).gradients, config.cone)).to(given)
     pieces = [slice(first, first + CHUNK) for first in range(0, len(given), CHUNK)]
-    matrices = [_profiled(theta, frames.rows(piece), given[piece], bases[piece], config) for piece in pieces]
-    return torch.cat(matrices).cpu().numpy() if matrices else np.zeros((0, len(theta.vector()), len(theta.vector())))
+    matrices = [_profiled(theta, vector, frames.rows(piece), given[piece], bases[piece], config) for piece in pieces]
+    return torch.cat(matrices).cpu().numpy() if matrices else np.zeros((0, len(vector), len(vector)))
 
 
-def _profiled(theta: Theta, frames: Frames, impulses: Tensor, bases: Tensor, config: LossConfig) -> Tensor:
-    def stacked(vector: Tensor, moved: Tensor, row: Frames) -> Tensor:
-        return torch.cat(residuals(contacts_of(theta.with_vector(vector), row), row, moved, config.weights))
+def _contacts(theta: Theta, vector: Tensor, frames: Frames) -> Contacts:
+    """Gaps and Jacobians of the parameters (P,); a restitution, the last one, mirrors depths in the ground (method.md 1.2)."""
+    size = len(theta.vector())
+    contacts = contacts_of(theta.with_vector(vector[:size]), frames)
+    if len(vector) == size:
+        return contacts
+    gaps, gaps_next, jacobians = contacts
+    reached = gaps + frames.dt[..., None] * torch.einsum("...ka,...a->...k", jacobians[..., 0, :], frames.free_velocities)
+    mirrored = vector[size] * (reached - gaps.clamp(max=0.0)).clamp(max=0.0)
+    return Contacts(gaps + mirrored, gaps_next + mirrored, jacobians)
+
+
+def _profiled(theta: Theta, vector: Tensor, frames: Frames, impulses: Tensor, bases: Tensor, config: LossConfig) -> Tensor:
+    def stacked(changed: Tensor, moved: Tensor, row: Frames) -> Tensor:
+        return torch.cat(residuals(_contacts(theta, changed, row), row, moved, config.weights))
 
     derivative = torch.func.vmap(torch.func.jacrev(stacked, argnums=(0, 1)), in_dims=(None, 0, 0))
-    by_theta, by_impulse = derivative(theta.vector(), impulses, frames)  # (b, R, Q), (b, R, V, 3)
+    by_theta, by_impulse = derivative(vector, impulses, frames)  # (b, R, P), (b, R, V, 3)
     free = torch.einsum("brvc,bvcd->brvd", by_impulse, bases).flatten(-2)  # (b, R, 3V)
     damping = config.regularization * torch.eye(free.shape[-1], dtype=free.dtype, device=free.device)
     explained = free.mT @ by_theta

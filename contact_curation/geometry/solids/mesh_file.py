@@ -4,6 +4,7 @@ Only the file itself is read, neither materials nor textures. A closed mesh has 
 may be hollow, concave or of several pieces; of an open one they are those of its convex hull.
 """
 
+import logging
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,6 +30,9 @@ FOREIGN = {
     ".blend": "a Blender file",
 }
 """Formats of shapes that are not read, by their endings."""
+
+NO_LOG = logging.NullHandler()
+"""Without a log, Python prints what trimesh says of normals that it cannot read; they are not used."""
 
 LARGEST_MESH = 1 << 26
 """Bytes of a mesh."""
@@ -80,6 +84,9 @@ def read_mesh(path: Path, scale: Array) -> Mesh:
     points = points.reshape(-1, 3) * scale
     if not len(points) or not len(loaded.faces):
         raise UnreadableInputError(path, "found no triangles, expected a mesh")
+    wrong = loaded.faces[(loaded.faces < 0) | (loaded.faces >= len(points))]
+    if wrong.size:
+        raise UnreadableInputError(path, f"found a triangle at vertex {wrong[0]}, expected 0 to {len(points) - 1}: damaged?")
     _check_points(path, points)
     loaded.vertices = points
     loaded.merge_vertices()
@@ -187,6 +194,7 @@ def _loaded(path: Path, data: bytes) -> Any:
         raise UnreadableInputError(path, f"found a {kind or 'file without ending'}, expected a mesh: {', '.join(MESHES)}")
     if kind == ".stl":
         kind = _kind_of_stl(path, data)
+    logging.getLogger("trimesh").addHandler(NO_LOG)
     try:
         return load_mesh(BytesIO(data), file_type=kind.removeprefix("."), skip_materials=True, process=False)
     except Exception as error:  # its readers end in errors of any kind

@@ -1,11 +1,14 @@
 """`body`: what was understood, as lines, as JSON and as a picture."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 
 from contact_curation.contact.body import Body
 from test.cli.commands import Cli
+from test.contact.test_body_formats import corners_mm, stl_text
 
 CUBE_FILE = Path(__file__).resolve().parents[3] / "contact_curation" / "config" / "cube.yaml"
 LINK = """<robot name="ell"><link name="l"><collision><geometry><box size="0.04 0.04 0.16"/></geometry></collision>
@@ -30,6 +33,15 @@ def test_a_urdf_is_told_with_its_centre_of_mass_and_what_was_assumed_and_drawn(c
     assert "centre of mass: at (20, 0, -20) mm in the file's frame" in done.out
     assert "warning: friction: none given, 0.5 assumed: give --friction" in done.out
     assert (tmp_path / "ell.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_normals_that_are_no_numbers_are_not_needed_and_print_nothing(tmp_path: Path) -> None:
+    mesh = tmp_path / "brick.stl"
+    mesh.write_text(stl_text(corners_mm()).replace("normal 0 0 0", "normal -1.#IND -1.#IND -1.#IND"))
+    command = [sys.executable, "-m", "contact_curation.cli.main", "body", str(mesh), "--mesh-scale", "0.001"]
+    done = subprocess.run([*command, "--mass", "0.3", "--friction", "0.2"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "shape         8 vertices, 60 x 80 x 120 mm" in done.stdout
 
 
 def test_the_picture_shows_the_edges_of_the_hull_and_both_origins(tmp_path: Path) -> None:

@@ -7,19 +7,21 @@ import pytest
 import torch
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.evaluation import Estimator, evaluate, fisher_sums
+from contact_curation.contact.evaluation import Cone, Estimator, evaluate, fisher_sums
 from contact_curation.contact.geometry_parameters import INITIAL_RESTITUTION, ContactGeometry
 from contact_curation.contact.impulse_noise import ImpulseNoise
+from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.contact.rollout import rollout
 from contact_curation.contact.time_step import step
-from contact_curation.contact.torch_contacts import Theta
+from contact_curation.contact.torch_contacts import Frames, Theta
 from contact_curation.contact.torch_loss import polytope_losses
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.learning.fits.polytope_sums import moved
+from test.contact.torch_fisher import profile_fishers
 
 E, DT = 0.3, 1.0 / 148.0
 POINT = ContactGeometry(np.zeros((1, 3)), np.array([0.0, 0.0, 1.0]), np.zeros((1, 3)), 0.18 * np.eye(2, 3))
@@ -93,6 +95,23 @@ def test_scores_are_slopes_of_the_loss(lower: float) -> None:
     for direction in directions:
         slope = (losses(direction, 1e-5) - losses(direction, -1e-5)) / 2e-5
         assert -2.0 * found.scores @ direction == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("cone", list(Cone))
+@pytest.mark.parametrize("lower", [0.0, 0.6])
+def test_the_gauss_newton_matrix_is_the_dense_one(lower: float, cone: Cone) -> None:
+    """As without a restitution (`test/contact/test_fishers.py`), of contacts from above the board and from under it."""
+    before, after = impacts()
+    before[:, 2] -= lower
+    config, rows = LossConfig(cone=cone), np.arange(17)
+    ours = fisher_sums(BOUNCING, CONTACTNETS_CUBE, before, after, DT, rows, Estimator.GAUSS_NEWTON, config=config).fishers
+    impulses = evaluate(BOUNCING, CONTACTNETS_CUBE, before, after, DT, config).impulses
+    frames = Frames.of(CONTACTNETS_CUBE, before, after, np.full(16, DT), precesses=True)
+    dense = profile_fishers(BOUNCING, frames, impulses, config.for_theta(CONTACTNETS_CUBE, BOUNCING.is_rigid))
+    assert dense.shape == (16, 59, 59)
+    assert (dense[:, 58, 58] > 1e-3 * np.trace(dense, axis1=1, axis2=2) / 59).any()
+    scale = np.abs(dense).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(ours - dense) / scale).max() < 1e-7
 
 
 def test_torch_has_the_kernels_losses_and_scores_by_every_parameter() -> None:
