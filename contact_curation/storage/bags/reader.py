@@ -13,12 +13,8 @@ from contextlib import ExitStack
 from functools import cached_property
 from itertools import chain, pairwise
 from pathlib import Path
-from struct import error as StructError
 from types import TracebackType
 from typing import Protocol, Self
-
-from mcap.exceptions import McapError
-from mcap.reader import SeekingReader
 
 from contact_curation.errors import MissingTopicError, UnreadableInputError
 from contact_curation.storage.addresses import Address
@@ -26,8 +22,8 @@ from contact_curation.storage.bags.decoding import MessageConverter, Reading
 from contact_curation.storage.bags.file import ZSTD_MAGIC, BagFile, BagLimits, DamagedBagError, Losses, file_sha256, unpack_file
 from contact_curation.storage.bags.folder import compare, storage_files
 from contact_curation.storage.bags.formats.mcap import open_mcap
-from contact_curation.storage.bags.formats.mcap_at_address import notes_at_address, open_mcap_at_address
-from contact_curation.storage.bags.formats.mcap_records import MCAP_MAGIC
+from contact_curation.storage.bags.formats.mcap_at_address import open_mcap_at_address
+from contact_curation.storage.bags.formats.mcap_records import MCAP_MAGIC, read_notes
 from contact_curation.storage.bags.formats.ros1 import ROS1_MAGIC, open_ros1
 from contact_curation.storage.bags.formats.sqlite import SQLITE_MAGIC, SqliteStorage
 from contact_curation.storage.bags.records import BagMessage, Channel, OfferedQos, RawMessage, StoredMessage, TopicInfo
@@ -157,21 +153,13 @@ def _copied(address: Address, limits: BagLimits, stack: ExitStack) -> Path:
     return target
 
 
-DAMAGED = (McapError, StructError, OSError, EOFError, KeyError, ValueError)
-"""Errors of the readers for files that were cut off or changed."""
-
-
 def recorded_notes(path: Path) -> dict[str, dict[str, str]]:
-    """The notes of an MCAP file by their names; none for other files, or if the file's index is damaged."""
-    if isinstance(path, Address):
-        return notes_at_address(path)
-    if path.suffix != ".mcap":
-        return {}
-    with path.open("rb") as file:
-        try:
-            return {record.name: record.metadata for record in SeekingReader(file, validate_crcs=True).iter_metadata()}
-        except DAMAGED:
-            return {}
+    """The notes of an MCAP file by their names; none for other files, or without an intact index."""
+    file = BagFile(path)
+    try:
+        return read_notes(file, BagLimits())
+    finally:
+        file.close()
 
 
 class BagReader:

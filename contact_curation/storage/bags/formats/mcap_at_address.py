@@ -8,7 +8,7 @@ refused here; the caller then reads a copy of the whole file.
 from collections.abc import Collection, Iterator
 
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Metadata
+from mcap.records import ChunkIndex
 
 from contact_curation.storage.addresses import Address
 from contact_curation.storage.bags.file import BagFile, BagLimits, DamagedBagError, Losses
@@ -19,7 +19,6 @@ from contact_curation.storage.bags.formats.mcap_records import (
     McapDeclarations,
     McapSummary,
     parse_chunk,
-    parsed,
     read_summary,
 )
 from contact_curation.storage.bags.records import StoredMessage
@@ -64,20 +63,6 @@ def _has_messages_between(file: BagFile, summary: McapSummary) -> bool:
     except DamagedBagError:
         return True
     return False
-
-
-def notes_at_address(path: Address) -> dict[str, dict[str, str]]:
-    """The notes of an MCAP file on a server by their names; none if it has no intact index."""
-    file, limits = BagFile(path), BagLimits()
-    try:
-        summary = read_summary(file, McapDeclarations(), limits)
-        places = [] if summary is None else [(one.offset, min(one.length, limits.message_bytes)) for one in summary.notes]
-        records = [parsed(Metadata, file.read(offset, length)[RECORD_HEAD.size :]) for offset, length in places]
-        return {record.name: record.metadata for record in records}
-    except DamagedBagError:
-        return {}
-    finally:
-        file.close()
 
 
 class _IndexedMcap(ChunkedStorage):

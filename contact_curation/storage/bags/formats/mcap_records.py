@@ -11,7 +11,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
-from mcap.records import ChunkIndex, McapRecord, MetadataIndex, Schema, Statistics
+from mcap.records import ChunkIndex, McapRecord, Metadata, MetadataIndex, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.well_known import SchemaEncoding
 from rosbags.typesys.msg import normalize_msgtype
@@ -173,6 +173,17 @@ def read_summary(file: BagFile, declarations: McapDeclarations, limits: BagLimit
     return replace(_summary(list(_records(data)), declarations), start=start)
 
 
+def read_notes(file: BagFile, limits: BagLimits) -> dict[str, dict[str, str]]:
+    """The metadata records that the index names, by their names; none without an intact index."""
+    try:
+        summary = read_summary(file, McapDeclarations(), limits)
+        places = [] if summary is None else [(one.offset, min(one.length, limits.message_bytes)) for one in summary.notes]
+        records = [parsed(Metadata, file.read(offset, length)[RECORD_HEAD.size :]) for offset, length in places]
+        return {record.name: record.metadata for record in records}
+    except DamagedBagError:
+        return {}
+
+
 def _summary_start(file: BagFile) -> tuple[int, int]:
     """Offset and CRC of the summary, from the footer; zeros if there is none."""
     if file.size < FOOTER.size:
@@ -184,9 +195,9 @@ def _summary_start(file: BagFile) -> tuple[int, int]:
 
 
 def _records(data: bytes) -> Iterator[McapRecord]:
-    """The records of a summary, including footer and magic."""
+    """The records of a summary, including footer and magic; chunks, which do not belong there, stay packed."""
     try:
-        yield from StreamReader(BytesIO(data), skip_magic=True).records
+        yield from StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True).records
     except PARSE_ERRORS as error:
         raise DamagedBagError(f"one of its records is malformed: {error!r}") from error
 
