@@ -104,10 +104,12 @@ class Shard:
 
 def shard_at(path: Path) -> Shard | None:
     """Opens the shard at a path; None if it does not exist or is damaged."""
+    from pyarrow import ArrowException
+
     try:
         shard = Shard(path)
         for _ in batched(shard.rows(), ROWS):  # reads all pages and checks their checksums
             pass
-    except (OSError, KeyError, ValueError):  # pyarrow's errors are of these kinds
+    except (OSError, KeyError, ValueError, ArrowException):
         return None
     return shard

@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,11 +57,13 @@ class Target(NamedTuple):
         read: of a file.
         endings: of the file's name; with several, the first byte of an input chooses one and is no part of the file.
         longest: input that is worth trying [B].
+        library: imported before the reader is watched, since its import starts a process.
     """
 
     read: Callable[[Path], object]
     endings: tuple[str, ...]
     longest: int = 1 << 14
+    library: str = ""
 
 
 def _bag(path: Path) -> None:
@@ -173,10 +176,10 @@ TARGETS: dict[str, Target] = {
     "mesh": Target(_mesh, (".stl", ".obj", ".ply", ".off")),
     "tag_map": Target(read_tag_maps, (".yaml",)),
     "theta": Target(_theta, (".safetensors",)),
-    "checkpoint": Target(_model, (".safetensors",), 1 << 16),
+    "checkpoint": Target(_model, (".safetensors",), 1 << 16, "torch"),
     "manifest": Target(read_manifest, (".csv", ".json", ".parquet")),
     "throws": Target(_throws, (".json",)),
-    "pt": Target(_pt, (".pt",)),
+    "pt": Target(_pt, (".pt",), library="torch"),
     "poses": Target(_poses, (".csv",)),
     "parameters": Target(_parameters, (".json",)),
     "node_parameters": Target(read_node_parameters, (".yaml",)),
@@ -221,6 +224,8 @@ def read(name: str, data: bytes) -> ContactCurationError | None:
     """
     global _watching
     target = TARGETS[name]
+    if target.library:
+        import_module(target.library)
     ending = target.endings[0]
     if len(target.endings) > 1:
         if not data:

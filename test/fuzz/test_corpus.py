@@ -1,12 +1,13 @@
 """Readers refuse what fuzzing found with an error of this package, within seconds, and read the seeds that it began from."""
 
 import itertools
+import subprocess
+import sys
 import time
 import warnings
 from pathlib import Path
 
 import pytest
-import torch  # noqa: F401  (before readers are watched: it starts a process)
 
 from test.fuzz.targets import TARGETS, TouchedError, read
 
@@ -28,6 +29,18 @@ def test_every_target_has_a_seed() -> None:
 @pytest.mark.parametrize("path", SEEDS, ids=named)
 def test_a_seed_is_read(path: Path) -> None:
     assert read(path.parent.name, path.read_bytes()) is None
+
+
+def test_libraries_that_start_a_process_are_imported_before_a_reader_is_watched() -> None:
+    """As in a fuzzer, which has imported nothing yet."""
+    seeds = {path.parent.name: str(path) for path in SEEDS if TARGETS[path.parent.name].library}
+    code = (
+        "import sys; from pathlib import Path; from test.fuzz.targets import read\n"
+        "for name, seed in zip(sys.argv[1::2], sys.argv[2::2]): read(name, Path(seed).read_bytes())"
+    )
+    words = [word for one in seeds.items() for word in one]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
+    assert (done.returncode, sorted(seeds)) == (0, ["checkpoint", "pt"]), done.stderr
 
 
 @pytest.mark.parametrize("path", FOUND, ids=named)

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from contact_curation.errors import UnreadableInputError, why_unreadable
-from contact_curation.storage.parquet_text import text_bytes, texts_of
+from contact_curation.storage.parquet import groups_of, text_bytes, texts_of
 
 MAGIC = b"PAR1"
 ROWS_AT_ONCE = 4096
@@ -59,11 +59,11 @@ def parquet_lines(path: Path) -> Iterator[str]:
 
 
 def _lines(file: pq.ParquetFile, path: Path) -> Iterator[str]:
-    held, size = file.metadata, path.stat().st_size
+    size = path.stat().st_size
     flat = set(file.schema_arrow.names)
     wanted = {column.path: at for at, column in enumerate(file.schema) if _is_number_or_text(column, column.path in flat)}
     rows = 0
-    for group in map(held.row_group, range(held.num_row_groups)):
+    for group in groups_of(file, [*wanted.values()]):
         needed = sum(group.column(at).total_uncompressed_size for at in wanted.values())
         rows += max([group.num_rows, *(group.column(at).num_values for at in wanted.values())])
         if needed > LARGEST_GROUP or rows > MOST_IN_A_BYTE * size:

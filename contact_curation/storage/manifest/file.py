@@ -32,7 +32,7 @@ from contact_curation.errors import ContactCurationError, InvalidValueError, Unr
 from contact_curation.files import check_version, read_bounded, write_atomically
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.outputs import CSV, PROVENANCE
-from contact_curation.storage.parquet_text import text_bytes, texts_of
+from contact_curation.storage.parquet import groups_of, text_bytes, texts_of
 from contact_curation.storage.provenance import InputProvenance, RunProvenance
 
 FORMAT = "contact_curation_manifest"
@@ -291,7 +291,7 @@ def from_parquet(data: bytes) -> Parsed:
     """
     file = pq.ParquetFile(BytesIO(data), page_checksum_verification=True)
     held = file.metadata
-    groups = [held.row_group(number) for number in range(held.num_row_groups)]
+    groups = groups_of(file)
     values = [sum(group.column(number).num_values for group in groups) for number in range(held.num_columns)]
     rows = max(held.num_rows, *values)  # a small file can declare any number of rows, and of reasons in a row
     most = min(MOST_ROWS, 2 * len(data))  # each row has its own name and times, even if compressed
@@ -383,7 +383,16 @@ def read_manifest(path: Path) -> Manifest:
         return manifest_of(head, rows)
     except UnreadableInputError:
         raise
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, ContactCurationError) as error:
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        RecursionError,
+        pa.ArrowException,
+        ContactCurationError,
+    ) as error:
         raise UnreadableInputError(path, f"is no manifest of `contact-curation rank`: {_why(error)}") from error
 
 

@@ -1,5 +1,6 @@
 """`import poses` reads tables in Parquet, as pandas and polars write them."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,20 @@ def test_a_damaged_file_gives_one_line(tmp_path: Path) -> None:
     path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(UnreadableInputError, match="is damaged, expected a table in Parquet"):
         PoseTable(path)
+
+
+def test_a_damaged_description_of_the_columns_is_refused_or_read(tmp_path: Path) -> None:
+    """Of two bytes in a column's statistics pyarrow 26 ends the process, if it is asked for the column."""
+    path = tmp_path / "poses.parquet"
+    few = {"time": STAMPS_NS[:20], **{name: column[:20] for name, column in FLAT.items()}}
+    pq.write_table(pa.table(few), path, store_schema=False)
+    whole = path.read_bytes()
+    footer = len(whole) - 8 - int.from_bytes(whole[-8:-4], "little")
+    for place in range(footer, len(whole)):
+        for change in (0x01, 0x10):
+            path.write_bytes(whole[:place] + bytes([whole[place] ^ change]) + whole[place + 1 :])
+            with suppress(UnreadableInputError):
+                list(parquet_lines(path))
 
 
 def test_text_that_repeats_is_counted_before_it_is_repeated(tmp_path: Path) -> None:
