@@ -146,6 +146,7 @@ class BodyTracker:
 
     Attributes:
         config: frames and times.
+        center: the described body's frame about its centre of mass, in the tracked one.
         counts: how often something came out: "poses", and the kinds of bad poses.
     """
 
@@ -155,7 +156,7 @@ class BodyTracker:
         self._tree = FrameTree()
         self._moving = config.body_frame
         center = ScalarPose(config.center_of_mass, IDENTITY.orientation_wxyz)
-        self._center = center if marker == IDENTITY else compose(center, marker)
+        self.center = center if marker == IDENTITY else compose(center, marker)
         self._waiting: deque[FramePose] = deque()
         self._parents: tuple[str, ...] = ()
         self._needed: tuple[tuple[int, tuple[str, ...]], frozenset[str]] = ((-1, ()), frozenset())
@@ -324,7 +325,7 @@ class BodyTracker:
 
     def _centered(self, tracked: ScalarPose) -> ScalarPose:
         """The pose of the described body's frame, its origin in the centre of mass."""
-        return tracked if self._center == IDENTITY else compose(tracked, self._center)
+        return tracked if self.center == IDENTITY else compose(tracked, self.center)
 
     def _way(self, parent: str, child: str) -> _Way | None:
         """How a measurement of these frames leads to the board, looked up once while the tree keeps its shape."""

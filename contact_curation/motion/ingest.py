@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from contact_curation.geometry.scalars import inverse
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent, body_poses
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration
 from contact_curation.motion.even_stamps import StampEvener
@@ -70,7 +71,8 @@ class TossIngest:
         self._rig = config.rig.without_marker
         self._tracker = BodyTracker(config.tracker, config.rig.marker)
         self._stamps = StampEvener(config.tracker.body_frame)
-        self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=self._rig)
+        tracked = inverse(self._tracker.center)
+        self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=self._rig, tracked=tracked)
         self._outcomes: Counter[str] = Counter()
         self.noise = PoseNoise()
         self._first_ns: int | None = None

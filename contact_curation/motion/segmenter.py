@@ -14,13 +14,13 @@ flights give away. One class serves live streams and recordings, and its state c
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import dist, nan
+from math import dist, inf, nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.scalars import Quaternion, Vector
+from contact_curation.geometry.scalars import IDENTITY, Quaternion, ScalarPose, Vector, compose
 from contact_curation.motion.calibration import NO_CORRECTION, CornerHeights, RigCalibration
 from contact_curation.motion.pose_noise import TrackerScale
 from contact_curation.motion.pose_stream import PoseRun, finite, reading_state, stamped_pose, whole, whole_or_none
@@ -102,11 +102,21 @@ class TossSegmenter:
         body: what is tossed.
         source: where the poses come from; part of the toss ids.
         rig: what tracked: heights count from its board, and motions are judged as it corrects them, but come out as recorded.
+        tracked: the frame that was tracked, in the body's about its centre of mass.
     """
 
-    def __init__(self, config: SegmenterConfig, body: TossedBody, *, source: str, rig: RigCalibration = NO_CORRECTION) -> None:
+    def __init__(
+        self,
+        config: SegmenterConfig,
+        body: TossedBody,
+        *,
+        source: str,
+        rig: RigCalibration = NO_CORRECTION,
+        tracked: ScalarPose = IDENTITY,
+    ) -> None:
         self.config = config
         self._rig = rig
+        self._tracked = tracked
         self._body_scale = scale_of(body)
         self._take_bounds(config.tracker)
         self.body = body.name
@@ -424,9 +434,7 @@ class TossSegmenter:
         """
         (a, b, c), (x, y, z) = before.position, after.position
         moved = sum(((x - a) * (x - a), (y - b) * (y - b), (z - c) * (z - c)))
-        still = (
-            moved <= self._bounds.rest_displacement**2 and after.position[2] < self.config.rest_height and self._is_flat(after)
-        )
+        still = moved <= self._bounds.rest_displacement**2 and self._is_low(after) and self._is_flat(after)
         self._still = self._still + 1 if still else 0
         if not still:
             return
@@ -435,6 +443,13 @@ class TossSegmenter:
             first, *others = self._run[-1 - frames :]
             if max(dist(first.position, other.position) for other in others) > self._bounds.rest_travel:
                 self._still = frames - 1
+
+    def _is_low(self, frame: Frame) -> bool:
+        """Whether the tracked frame is under `rest_height`."""
+        highest = self.config.rest_height
+        if highest == inf:
+            return True
+        return compose(ScalarPose(frame.position, frame.orientation_wxyz), self._tracked).position[2] < highest
 
     def _is_flat(self, frame: Frame) -> bool:
         heights = sorted(self._corner_heights(frame))

@@ -52,7 +52,7 @@ class SegmenterConfig:
         flat_tolerance: largest height over the lowest vertex of the three vertices on which a body lies flat [m]; by default
             0.055 reach [0.005], or less where a body that is balanced on an edge is nearly as flat: a third of how high both
             faces beside it rise, at least 0.01 reach.
-        rest_height: largest height of the body's origin at rest [m]; inf for no bound.
+        rest_height: largest height of the tracked frame's origin at rest [m]; inf for no bound.
         shortest: shortest duration of a toss [s]; by default 4.1 sqrt(size / g), at most 0.3.
         lowest_corner: largest distance from the board to the lowest vertex of a whole toss [m]; by default 0.134 size
             [0.007].

@@ -11,8 +11,8 @@ there is a time without poses, as if the tracker had been stopped. The frames ju
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from math import cos, pi, sin
+from dataclasses import dataclass, replace
+from math import cos, inf, pi, sin
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +60,8 @@ class TagslamRig:
         lead_out: number of made-up frames after each toss.
         position_deviation: standard deviation of positions in the covariance [m].
         turn_deviation: standard deviation of orientations in the covariance [rad].
-        rules: rules by which the tosses were cut; the made-up frames follow them, and the bag contains them.
+        rules: rules by which the tosses may have been cut; the made-up frames follow them, and the bag contains its rest height
+            and frame period, each if all tosses keep to it.
     """
 
     map_frame: str = "map"
@@ -176,25 +177,38 @@ def record(bag: BagWriter, body: Body, tosses: Iterable[Toss], rig: TagslamRig) 
     messages = RigMessages(rig, f"body_{body.name}")
     x, y, z = (-body.center_of_mass).tolist()
     tracked = ScalarPose((x, y, z), IDENTITY.orientation_wxyz)
-    bag.note(RULES_NOTE, note_of_rules(rig.rules))
     bag.write("/tf_static", messages.board(), rig.epoch_ns, latched=True)
     start_ns, count, frames = rig.epoch_ns + NANOSECONDS, 0, 0
     numbered: list[tuple[int, int]] = []
+    rules = rig.rules
     for toss in tosses:
         if toss.body != body.name:
             raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, f"{body.name}, as of the others")
         number = number_of_file(toss.source)
         if number is not None:
             numbered.append((start_ns, number))
+        rules = _kept_to(rules, toss, tracked)
         for stamp_ns, pose in _frames(toss, start_ns, rig):
             seen = compose(rig.board, compose(pose, tracked) if any(tracked.position) else pose)
             bag.write(f"/tagslam/odom/body_{body.name}", messages.odometry(stamp_ns, seen), stamp_ns)
         start_ns = stamp_ns + round(rig.pause * NANOSECONDS)
         count, frames = count + 1, frames + toss.frames
+    bag.note(RULES_NOTE, note_of_rules(rules))
     if numbered:
         starts_ns, numbers = zip(*numbered, strict=True)
         bag.note(NUMBERS_NOTE, RecordedNumbers(starts_ns, numbers).note())
     return count, frames
+
+
+def _kept_to(rules: SegmenterConfig, toss: Toss, tracked: ScalarPose) -> SegmenterConfig:
+    """The rules, without a rest height or a frame period that a toss does not have: it was cut by others."""
+    (x, y, z), (w, qx, qy, qz) = toss.positions[-1].tolist(), toss.orientations_wxyz[-1].tolist()
+    height = compose(ScalarPose((x, y, z), (w, qx, qy, qz)), tracked).position[2]
+    return replace(
+        rules,
+        rest_height=rules.rest_height if height < rules.rest_height else inf,
+        frame_period=rules.frame_period if toss.frame_period == rules.frame_period else None,
+    )
 
 
 def _frames(toss: Toss, start_ns: int, rig: TagslamRig) -> Iterator[tuple[int, ScalarPose]]:
