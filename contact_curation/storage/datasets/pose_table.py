@@ -7,6 +7,7 @@ tab or spaces part the columns.
 
 import csv
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -49,6 +50,9 @@ LARGEST_STEP = {"s": 0.5, "ms": 0.5e3, "us": 0.5e6}
 
 LOOKED_AT = 1000
 """Rows that tell the unit of the times."""
+
+FINE = re.compile(r"[.,]\d{6}(\d+)")
+"""What a date has beyond microseconds, which Python's do not."""
 
 LARGEST_TIME, SLOWEST_RATE = Decimal(1 << 62), 1e-3
 COMMENTS, SEPARATORS = ("#", "%"), (";", "\t", ",", None)
@@ -302,7 +306,9 @@ def _date(text: str) -> Decimal | None:
     except ValueError:
         return None
     passed = (date if date.tzinfo else date.replace(tzinfo=UTC)) - datetime.fromtimestamp(0, UTC)
-    return Decimal(passed // timedelta(microseconds=1)).scaleb(-6)
+    fine = FINE.search(text)
+    beyond = Decimal(fine[1]).scaleb(-6 - len(fine[1])) if fine else Decimal(0)
+    return Decimal(passed // timedelta(microseconds=1)).scaleb(-6) + beyond
 
 
 def _is_number(text: str) -> bool:

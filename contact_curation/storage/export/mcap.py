@@ -20,11 +20,14 @@ from rosbags.typesys import Stores, get_typestore
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import UnreadableInputError
+from contact_curation.motion.pose_noise import TrackerScale
+from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import OfferedQos, RawMessage
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.export.survey import Motion, Surroundings, Survey, Window, Windows, digests_in, survey
 from contact_curation.storage.inputs.pose_source import TF_STATIC_NAME, PoseSource
+from contact_curation.storage.inputs.recording_notes import RULES_NOTE, note_of_rules
 from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.provenance import TossProvenance
 
@@ -116,13 +119,14 @@ class SubsetFile:
         )
 
 
-def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], source: PoseSource) -> None:
+def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], source: PoseSource, noise: TrackerScale) -> None:
     """Writes parts of a bag as bags.
 
     Args:
         reader: reader of the bag.
         parts: windows of log times, by the file that they are written to.
         source: the topics with the body's poses.
+        noise: of the tracker, which a short part cannot tell as well as the whole.
 
     Raises:
         InvalidValueError: a file cannot be written.
@@ -130,6 +134,8 @@ def write_subsets(reader: BagReader, parts: dict[Path, tuple[Window, ...]], sour
     qos = cache(reader.qos)
     notes = {name: values for name, values in reader.notes.items() if name not in NOTES_OF_OTHERS}
     notes[EXPORT_NOTE] = {"input": str(reader.path), "sha256": reader.sha256}
+    if noise.position == noise.turn:
+        notes[RULES_NOTE] = {**notes.get(RULES_NOTE, {}), **note_of_rules(SegmenterConfig(tracker_noise=noise.position))}
     open_files = {path: SubsetFile(path, windows, source, qos) for path, windows in parts.items()}
 
     def finish(path: Path) -> None:
@@ -208,7 +214,7 @@ def export_bag(
             return BagExport(found.origin, {}, found.left_out)
         for surroundings in Surroundings:
             parts = _parts(found, motions, surroundings, files)
-            write_subsets(reader, parts, found.source)
+            write_subsets(reader, parts, found.source, found.noise)
             again = _read_again(parts, body, config)
             changed = [motion.toss_id for motion in motions if again.get(motion.toss_id) != motion.digest]
             if not changed:

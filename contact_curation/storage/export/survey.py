@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contact_curation.contact.body import Body
+from contact_curation.motion.pose_noise import TrackerScale
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.bags.records import BagMessage
@@ -158,6 +159,7 @@ class Survey:
         settle_ns: time that separates two motions [ns].
         times: stamps and log times of the poses.
         left_out: what could not be used of the bag, one line each.
+        noise: how noisy the tracker is for the bounds, at the end.
     """
 
     origin: TossProvenance
@@ -166,6 +168,7 @@ class Survey:
     settle_ns: int
     times: PoseTimes
     left_out: tuple[str, ...]
+    noise: TrackerScale
 
     def wanted(self, wanted: Mapping[str, object]) -> tuple[Motion, ...]:
         """The motions with the given ids; of two with the same id the last one, which is whole if one of them is."""
@@ -207,7 +210,7 @@ def survey(reader: BagReader, body: Body, config: InputsConfig, advance: Callabl
     motions += [motion for found in tosses.rest() for motion in _located(found, times)]
     left_out = tuple(f"{reader.path}: {line}" for line in (*tosses.left_out(), *reader.losses))
     settle_ns = round(tosses.settle_time * NANOSECONDS)
-    return Survey(tosses.origin, tosses.source, tuple(motions), settle_ns, times, left_out)
+    return Survey(tosses.origin, tosses.source, tuple(motions), settle_ns, times, left_out, tosses.tracker)
 
 
 def digests_in(reader: BagReader, body: Body, config: InputsConfig) -> dict[str, str]:

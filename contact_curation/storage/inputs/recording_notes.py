@@ -1,4 +1,4 @@
-"""Notes in a recording: the rules by which its tosses were cut, and the numbers of the files from which it was made.
+"""Notes in a recording: the rules by which its tosses were cut, its tracker's noise, and the files from which it was made.
 
 ContactNets' data need the rules: the cube rests 1.2 mm low, and a rest at 0.052 m or higher went unseen when its tosses were
 cut (`motion.segmenter_config`). Another reader of the same bag gets the same tosses without further settings. Each number is
@@ -8,18 +8,21 @@ noted with the stamp at which the frames made of its file begin, so that a bag o
 from bisect import bisect_right
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.segmenter_config import SegmenterConfig
 
 RULES_NOTE = "contact_curation.segmenter"
 UNSET = SegmenterConfig()
-"""Rules with default values, which a recording may replace: rest height from the body, frame period from the stamps."""
+"""Rules with default values, which a recording may replace: no rest height, frame period by stamps, noise by poses."""
+
+NOTED = ("rest_height", "frame_period", "tracker_noise")
 
 
 def note_of_rules(rules: SegmenterConfig) -> dict[str, str]:
-    """Makes the note of a recording's rest height [m] and frame period [s], if they are set."""
-    known = {"rest_height": (rules.rest_height, UNSET.rest_height), "frame_period": (rules.frame_period, UNSET.frame_period)}
+    """Makes the note of a recording's rest height [m], frame period [s] and tracker's noise, if they are set."""
+    known = {name: (getattr(rules, name), getattr(UNSET, name)) for name in NOTED}
     return {name: repr(value) for name, (value, unset) in known.items() if value != unset}
 
 
@@ -33,11 +36,10 @@ def with_recorded_rules(rules: SegmenterConfig, note: Mapping[str, str]) -> Segm
         said = {name: float(value) for name, value in note.items()}
     except ValueError as error:
         raise InvalidValueError(f"note {RULES_NOTE} of the recording", dict(note), "numbers") from error
-    if rules.rest_height == UNSET.rest_height and "rest_height" in said:
-        rules = replace(rules, rest_height=said["rest_height"])
-    if rules.frame_period is None and "frame_period" in said:
-        rules = replace(rules, frame_period=said["frame_period"])
-    return rules
+    taken: dict[str, Any] = {
+        name: said[name] for name in NOTED if name in said and getattr(rules, name) == getattr(UNSET, name)
+    }
+    return replace(rules, **taken)
 
 
 NUMBERS_NOTE = "contact_curation.numbers"

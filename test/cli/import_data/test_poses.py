@@ -58,6 +58,16 @@ def test_the_unit_of_times_is_told_by_their_steps(cli: Cli, unit: str, rate: flo
     assert done.json["seconds"] == pytest.approx(38 / rate, rel=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("date", "after_ns"), [("2026-11-28 10:00:00.006756757", 6756757), ("1970-01-01T00:00:00.0000000015Z", 1)]
+)
+def test_a_date_keeps_its_nanoseconds(date: str, after_ns: int, tmp_path: Path) -> None:
+    rows = [f"{one},0,0,1,0,0,0,1" for one in (date.partition(".")[0] + "Z" * date.endswith("Z"), date)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,x,y,z,qx,qy,qz,qw", *rows]))
+    (before, _), (after, _) = PoseTable(tmp_path / "a.csv")
+    assert after - before == pytest.approx(after_ns, abs=1)
+
+
 def test_times_may_be_dates(cli: Cli, tmp_path: Path) -> None:
     rows = ["time,x,y,z,qx,qy,qz,qw", "2026-11-28 10:00:00.0067,0,0,1,0,0,0,1", "2026-11-28T11:00:00.0134+01:00,0,0,1,0,0,0,1"]
     (tmp_path / "poses.csv").write_text("\n".join(rows))

@@ -23,6 +23,7 @@ from contact_curation.storage.export.mcap import BagExport, export_bag
 from contact_curation.storage.inputs.inputs import open_inputs
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
 from contact_curation.storage.inputs.pose_source import PoseTopicConfig
+from contact_curation.storage.inputs.recording_notes import RULES_NOTE
 from contact_curation.storage.inputs.records import InputsConfig
 from test.motion.streams import PERIOD_NS, board_in_map, in_map, stream
 from test.storage.inputs.test_inputs import (
@@ -120,6 +121,7 @@ def test_all_topics_of_the_time_go_along_with_their_types_times_and_qualities_of
         assert other.note("lab") == {"operator": "ü"}
         assert "rosbag2" not in other.notes
         assert other.note("contact_curation.export") == {"input": str(bag), "sha256": one.sha256}
+        assert other.note(RULES_NOTE) == {**one.note(RULES_NOTE), "tracker_noise": "1.0"}, "a short part tells it less well"
 
 
 def test_several_tosses_of_a_real_layout_are_those_of_the_whole_and_nothing_else_is_in_the_file(tmp_path: Path) -> None:

@@ -19,6 +19,13 @@ def test_the_rules_that_differ_come_back_exactly() -> None:
     assert with_recorded_rules(SegmenterConfig(), note) == CONTACTNETS_RULES
 
 
+def test_a_part_has_the_noise_of_the_whole() -> None:
+    quiet = SegmenterConfig(tracker_noise=1.0)
+    assert with_recorded_rules(SegmenterConfig(), note_of_rules(quiet)) == quiet
+    own = SegmenterConfig(tracker_noise=3.0)
+    assert with_recorded_rules(own, note_of_rules(quiet)) == own
+
+
 def test_usual_rules_need_no_note() -> None:
     assert note_of_rules(SegmenterConfig()) == {}
     assert with_recorded_rules(SegmenterConfig(), {}) == SegmenterConfig()
