@@ -22,6 +22,12 @@ SPAN = 0.055
 FEWEST = 6
 """Frames of a window."""
 
+UNEVEN, MOSTLY, FEWEST_ROUNDS = 0.1, 0.7, 20
+"""Share by which the steps of two cameras differ from even ones, share of the rounds that are alike, and how many there are."""
+
+SAME_CAMERA = 0.75
+"""Of a round: sooner comes the other camera."""
+
 WIDEST_STEP = 1.5
 """Median steps: a window has none that is longer."""
 
@@ -54,6 +60,27 @@ class PoseSeries:
     def period(self) -> float:
         """Median step [s]; NaN where there is none."""
         return float(np.median(self.steps)) if self.steps.size else float("nan")
+
+    @cached_property
+    def round(self) -> float:
+        """[s] In which two cameras that see by turns, after uneven steps, have each given a pose; 0 where steps are alike."""
+        both = self.times[2:] - self.times[:-2]
+        if len(both) < FEWEST_ROUNDS:
+            return 0.0
+        usual = float(np.median(both))
+        regular = float(np.mean(np.abs(both - usual) < UNEVEN * usual)) > MOSTLY
+        return usual if regular and abs(0.5 * usual - self.period) > UNEVEN * self.period else 0.0
+
+    def of_one_camera(self) -> "PoseSeries":
+        """Without the poses of the second camera, where two see by turns; else the same."""
+        if not self.round:
+            return self
+        kept, last = [0], 0.0
+        for at, time in enumerate(self.times.tolist()):
+            if time >= last + SAME_CAMERA * self.round:
+                kept.append(at)
+                last = time
+        return PoseSeries(self.stamps_ns[kept], self.positions[kept], self.orientations_wxyz[kept])
 
     def period_of(self, first: int, stop: int) -> float:
         """Mean step of the frames `first` to `stop` [s]: the rate of a recording may vary."""

@@ -145,11 +145,11 @@ class Evidence:
 
     @cached_property
     def series(self) -> tuple[tuple[Recording, PoseSeries], ...]:
-        """The poses on the board, and where they come from; each series once, whatever is given twice."""
+        """The poses on the board, of one camera each, and where they come from; each once, whatever is given twice."""
         found: dict[bytes, tuple[Recording, PoseSeries]] = {}
         for recording in self.recordings:
             for one in recording.series:
-                found.setdefault(one.digest(), (recording, one))
+                found.setdefault(one.digest(), (recording, one.of_one_camera()))
         return tuple(found.values())
 
     @cached_property
@@ -264,7 +264,8 @@ class Evidence:
     @cached_property
     def period(self) -> float:
         """Of the poses, median [s]; NaN where there are none."""
-        periods = [one.period for recording in self.recordings for one in recording.series if len(one) > 1]
+        series = [one for recording in self.recordings for one in recording.series if len(one) > 1]
+        periods = [0.5 * one.round or one.period for one in series]
         return float(np.median(periods)) if periods else float("nan")
 
 

@@ -7,7 +7,7 @@ SciPy's `Rotation` makes quaternions of them, and its terms are those of `--angl
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from math import isfinite
+from math import hypot, isfinite
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -65,14 +65,18 @@ class AngleConvention:
         return _quaternion(Rotation.from_euler(self.order, np.array(angles)[in_order], degrees=degrees))
 
 
+EXACT, ROUNDED = 1e-6, 3e-3
+"""Norms of quaternions that differ from 1 by less are as they were written; by up to the second with three decimals."""
+
 UNTOLD = AngleConvention()
 """Of tables without angles."""
 
 
-def as_it_is(wxyz: Sequence[float]) -> Quaternion:
-    """Of the numbers of a quaternion."""
+def of_quaternion(wxyz: Sequence[float]) -> Quaternion:
+    """Of the numbers of a quaternion: as they are, but of unit norm where rounding to some decimals took it from them."""
     w, x, y, z = wxyz
-    return w, x, y, z
+    norm = hypot(w, x, y, z)
+    return (w / norm, x / norm, y / norm, z / norm) if EXACT < abs(norm - 1.0) < ROUNDED else (w, x, y, z)
 
 
 def of_matrix(entries: Sequence[float]) -> Quaternion:

@@ -27,8 +27,8 @@ from contact_curation.storage.datasets.orientations import (
     UNTOLD,
     AngleConvention,
     ToQuaternion,
-    as_it_is,
     of_matrix,
+    of_quaternion,
 )
 from contact_curation.storage.datasets.parquet_lines import is_parquet, parquet_lines
 from contact_curation.storage.datasets.pose_columns import (
@@ -156,7 +156,7 @@ class PoseTable:
             if angles != UNTOLD:
                 given = " ".join(filter(None, (angles.order, angles.unit)))
                 raise InvalidValueError("angles", f"{given}, and no angles in {self.path}", "angles, or no such option")
-            return as_it_is if form == QUATERNION else of_matrix
+            return of_quaternion if form == QUATERNION else of_matrix
         found = f"found angles {', '.join(named)}"
         if not angles.order:
             how = "in which order they turn, --angles (xyz: about fixed axes, XYZ: about the body's), or a quaternion or matrix"

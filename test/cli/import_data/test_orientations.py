@@ -73,6 +73,21 @@ def test_angles_turn_in_the_order_and_unit_that_are_said(names: str, unit: str, 
     assert_true(PoseTable(named, body="cube", angles=AngleConvention(order)))
 
 
+def test_quaternions_with_three_decimals_are_rotations_and_exact_ones_stay(tmp_path: Path) -> None:
+    exact = TURNS.as_quat()
+    exact[0] = [1.01, 0.0, 0.0, 0.0]  # no rounding
+    for decimals in (3, 17):
+        given = exact.round(decimals)
+        table = PoseTable(write(tmp_path / "a.csv", "qx,qy,qz,qw", given))
+        found = np.array([pose.orientation_wxyz for _, pose in table])[:, [1, 2, 3, 0]]
+        if decimals > 3:
+            np.testing.assert_array_equal(found, given)
+        else:
+            np.testing.assert_allclose(np.linalg.norm(found[1:], axis=1), 1.0, atol=1e-6)
+            np.testing.assert_allclose(found, exact, atol=2e-3)
+            np.testing.assert_array_equal(found[0], given[0])
+
+
 def test_roll_pitch_and_yaw_turn_about_x_y_and_z(tmp_path: Path) -> None:
     """A hand case: yawed to the left by 90 degrees, then pitched down by 30 about the body's own y."""
     (tmp_path / "a.csv").write_text("t,x,y,z,roll_deg,pitch_deg,yaw_deg\n1,0,0,0,0,30,90\n")

@@ -26,6 +26,9 @@ UNEVEN = 0.0025
 SMALLEST, WORTH_SIZE = 0.067, 0.02
 """Of its depth at rest: what a body of another size is higher or lower, at least; what is worth a line if faces agree on it."""
 
+ABOVE = 1.5
+"""Times the distance of the farthest vertex: a centre at rest so high is held, wherever the board may be measured to be."""
+
 ROUND = np.radians(30.0)
 """Faces whose normals are no further apart may stand for a round side: those of prisms with twelve sides or more."""
 
@@ -91,9 +94,10 @@ def round_side(evidence: Evidence) -> Finding | None:
 def other_shape(evidence: Evidence) -> Finding | None:
     """Bodies that come to rest on none of the described faces, or higher on some than others.
 
-    Tosses end flat on a described face. Where most motions are tosses, what is still for a moment off every face rolls.
+    Tosses end flat on a described face. Where most motions are tosses, what is still for a moment off every face rolls; what is
+    still in the air is held.
     """
-    if evidence.tracked is not None or round_side(evidence) is not None:
+    if evidence.tracked is not None or round_side(evidence) is not None or _held_in_the_air(evidence):
         return None
     found = off_flat(evidence)
     if found is not None and found["as read"] > ASKEW and evidence.mostly_rejected:
@@ -104,6 +108,13 @@ def other_shape(evidence: Evidence) -> Finding | None:
     else:
         return None
     return Finding(Severity.FAULT, what, "is it the right --body, and are the tags in its frame?")
+
+
+def _held_in_the_air(evidence: Evidence) -> bool:
+    """Whether most bodies are still where none of their vertices can touch the board."""
+    found = evidence.survey
+    heights = [float(throw.rest.position @ found.up) for throw in found.throws if throw.rest is not None]
+    return bool(heights) and float(np.median(heights)) > ABOVE * float(np.linalg.norm(evidence.body.vertices, axis=1).max())
 
 
 def other_size(evidence: Evidence) -> Finding | None:

@@ -57,13 +57,12 @@ def not_poses(evidence: Evidence) -> Finding | None:
 def frames_are_lost(evidence: Evidence) -> Finding | None:
     """Frames that are missing between others."""
     lost, there = 0, 0
-    for recording in evidence.recordings:
-        for series in recording.series:
-            steps = series.steps[series.steps < LONGEST]
-            if len(steps) and np.mean(steps < SHORT * series.period) > MANY:
-                continue  # stamps that jitter look like missing frames
-            there += len(series)
-            lost += int(np.maximum(np.rint(steps / series.period) - 1.0, 0.0).sum()) if len(steps) else 0
+    for _, series in evidence.series:
+        steps = series.steps[series.steps < LONGEST]
+        if len(steps) and np.mean(steps < SHORT * series.period) > MANY:
+            continue  # stamps that jitter look like missing frames
+        there += len(series)
+        lost += int(np.maximum(np.rint(steps / series.period) - 1.0, 0.0).sum()) if len(steps) else 0
     share = lost / max(lost + there, 1)
     if share < MANY:
         return None

@@ -21,6 +21,8 @@ EVEN, MOSTLY = 0.25, 0.9
 FEWEST_CLOSED_UP, MOST_CLOSED_UP = 2, 0.05
 """Places at which frames are lost: fewer are no word worth; more, for each motion, are a fault."""
 
+APART = "where they disagree, record a topic for each, and choose by --topic"
+
 WRITTEN = 1e-3
 """Stamps that were written at a rate are even to this share of a period; those of a tracker are not."""
 
@@ -104,6 +106,20 @@ def jitter(evidence: Evidence) -> Finding | None:
     found = by_recording(evidence, lambda one: one.stamps_done)
     remedy = "stamp poses with the time of exposure, not of reception"
     return Finding(Severity.WARNING, of_recordings(evidence, found), remedy) if found else None
+
+
+def by_turns(evidence: Evidence) -> Finding | None:
+    """Two cameras whose poses come on one topic, after uneven steps, of which the segmenter may take the longer for gaps."""
+    seen = [one for recording in evidence.recordings for one in recording.series if one.round]
+    if not seen:
+        return None
+    first, other = seen[0].period, seen[0].round - seen[0].period
+    what = f"poses come by turns {1e3 * first:.3g} and {1e3 * other:.3g} ms after the last, as of two cameras"
+    if other <= evidence.config.inputs.segmenter.largest_gap * first:
+        return Finding(Severity.FACT, what, APART)
+    setting = f"segmenter.largest_gap={np.ceil(10.0 * other / first + 1.0) / 10.0:.1f}"
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    return Finding(severity, what, f"say --set {setting}; {APART}", settings=(setting,))
 
 
 def closed_up(evidence: Evidence) -> Finding | None:

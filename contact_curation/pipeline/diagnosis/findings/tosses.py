@@ -15,6 +15,7 @@ NUMBER = r"(-?[\d.]+(?:e-?\d+)?)"
 NUMBERS = re.compile(rf"found {NUMBER}(.*?)(?: (?:at|before) frame \d+)?, expected (?:at most|at least|within) {NUMBER}")
 """In the reasons of gates and segmenter: what was found, its unit, and the bound."""
 
+FLIPPED = "orientations jump: flipped tags, or a symmetric body?"
 HINTS = {
     "caught": "let the body come to rest on the board",
     "gap": "frames are missing in mid-toss: record at a steady rate",
@@ -24,17 +25,26 @@ HINTS = {
     "depth in the board": "board height or body size off?",
     "acceleration in the air beyond gravity": "noise, jittering stamps or smoothed poses?",
     "displacement beside the velocity": "tracking outliers: poses jump",
-    "turn beside the angular velocity": "orientations jump: flipped tags?",
+    "turn beside the angular velocity": FLIPPED,
     "quaternion norm beside 1": "publish unit quaternions",
+    "change of spin in the air": FLIPPED,
+    "change of spin beyond what a contact's impulse gives": FLIPPED,
+    "impulse that pulls down": "are poses lost, held or made up at impacts? publish nothing where the body is not seen",
     "impulse outside the friction cone": "more friction than described? give --friction",
     "tilt at rest": "is the board tilted?",
     "height at rest": "board height or body size off?",
 }
 """By the name of a reason."""
 
+MANY = 0.2
+"""Share of the motions that are rejected for one thing, from which on its hint is given though most motions are tosses."""
+
 DEEP = ("lowest corner of the toss", "depth in the board")
 SOFT = "bodies at rest lie on the board, so impacts press them into it: a firmer board? ContactNets' model has rigid contacts"
 """Hint for `DEEP` ones where height and size are right."""
+
+DEEPEST, MADE_UP = 0.1, "poses jump, or are made up where the body is not seen: publish nothing there"
+"""Share of the body's width that no board gives way by, and the hint for `DEEP` ones that are deeper."""
 
 PAUSE = 0.5
 """[s] A longer gap is no loss of frames in mid-toss."""
@@ -64,9 +74,12 @@ def rejected(evidence: Evidence) -> Finding | None:
     parts = [f"{count} {name}{_sizes(reasons[name])}" for name, count in counts.most_common()]
     first = counts.most_common(1)[0][0]
     what = f"{len(evidence.rejected)} of {len(evidence.outcomes)} motions rejected: {'; '.join(parts)}"
+    hint = HINTS.get(first, "")
+    if first in DEEP and evidence.rests_on_board:
+        hint = MADE_UP if _depth(first, reasons[first]) > DEEPEST * np.ptp(evidence.body.vertices, axis=0).max() else SOFT
     if not evidence.mostly_rejected:
-        return Finding(Severity.FACT, what)
-    hint = SOFT if first in DEEP and evidence.rests_on_board else HINTS.get(first, "")
+        alike = sum(count for name, count in counts.items() if HINTS.get(name) == HINTS.get(first))
+        return Finding(Severity.FACT, what, hint if alike >= MANY * len(evidence.outcomes) else "")
     if first == "gap" and float(np.median(_found(reasons[first]) or 0.0)) > PAUSE:
         hint = PAUSED
     setting = _wider_gap(reasons[first], evidence.config.inputs.segmenter.largest_gap) if first == "gap" else ""
@@ -154,6 +167,12 @@ def _wider_gap(lines: list[str], largest: float) -> str:
 def _found(lines: list[str]) -> list[float]:
     """The numbers that were found."""
     return [float(match.group(1)) for line in lines if (match := NUMBERS.search(line))]
+
+
+def _depth(name: str, lines: list[str]) -> float:
+    """The median depth under the board that one of `DEEP` reasons found [m]."""
+    found = float(np.median(_found(lines) or 0.0))
+    return found if name == "depth in the board" else -1e-3 * found  # which is a height in mm
 
 
 def _sizes(lines: list[str]) -> str:
