@@ -25,6 +25,7 @@ from contact_curation.contact.geometry_parameters import UPWARD, ContactGeometry
 from contact_curation.contact.loss_config import MODERATE_FRICTION
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.survey.series import THIRD_DIFFERENCE
 from contact_curation.motion.transitions import Transitions, by_differences
 
 HARD = 5.0
@@ -45,9 +46,6 @@ LONGEST_SPAN = 1.0 / 60.0
 
 FEWEST = 8
 """Transitions that a toss keeps."""
-
-THIRD_DIFFERENCE = 0.6745 * math.sqrt(20.0)
-"""Median size of third differences of noise, in its standard deviations."""
 
 SHORTEST_PLAIN = 1.0 / 220.0
 """[s] At frames that are closer the noise of plain differences makes friction too high."""

@@ -156,10 +156,10 @@ def survey(series: Sequence[PoseSeries]) -> Survey:
     weights = np.array([throw.frames**5.0 for throw in throws])
     accelerations = np.array([throw.acceleration for throw in throws])
     mean = _trimmed_mean(accelerations, weights) if len(throws) else shared
-    return Survey(series, min(noise, _noise_in_the_air(series, throws) or noise), mean, throws, max(speeds, default=0.0))
+    return Survey(series, min(noise, noise_in_the_air(series, throws) or noise), mean, throws, max(speeds, default=0.0))
 
 
-def _noise_in_the_air(series: Sequence[PoseSeries], throws: Sequence[Throw]) -> float:
+def noise_in_the_air(series: Sequence[PoseSeries], throws: Sequence[Throw]) -> float:
     """As `noise_of`, over flights alone, where no hand moves the body; 0 where they are too few."""
     noises = [noise for throw in throws if (noise := noise_of(_part(series[throw.span.series], throw.span)))]
     return float(np.median(noises)) if len(noises) >= FEWEST_FLIGHTS else 0.0

@@ -22,6 +22,9 @@ SPAN = 0.055
 FEWEST = 6
 """Frames of a window."""
 
+THIRD_DIFFERENCE = 0.6745 * sqrt(20.0)
+"""Median size of third differences of noise, in its standard deviations."""
+
 UNEVEN, MOSTLY, FEWEST_ROUNDS = 0.1, 0.7, 20
 """Share by which the steps of two cameras differ from even ones, share of the rounds that are alike, and how many there are."""
 
@@ -153,7 +156,7 @@ def noise_of(series: PoseSeries) -> float:
     even = np.abs(series.steps - series.period) < 0.2 * series.period
     bent = np.abs(np.diff(series.positions, n=3, axis=0))[even[2:] & even[1:-1] & even[:-2]]
     bent = bent[bent > 0.0]
-    return float(np.median(bent) / (0.6745 * np.sqrt(20.0))) if bent.size else 0.0
+    return float(np.median(bent)) / THIRD_DIFFERENCE if bent.size else 0.0
 
 
 def _sums(values: Array, weights: Array) -> Array:

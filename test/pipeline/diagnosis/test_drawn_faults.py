@@ -120,6 +120,17 @@ def test_bodies_that_are_caught_and_held_are_not_called_another_shape(session: S
     assert "off every face" not in str(found)
 
 
+def test_noise_that_grows_with_speed_is_called_blur(session: Session, tmp_path: Path) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        speeds = np.linalg.norm(np.gradient(made.poses[:, :3], axis=0), axis=1) * 148.0
+        return made.moved(lambda p: p + (2e-5 + 2e-4 * speeds)[:, np.newaxis] * rng.standard_normal((len(p), 3)))
+
+    fault = Fault("blur", change, "")
+    verdict = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault).verdict
+    assert "while bodies fly: noise grows with speed" in verdict
+    assert "a shorter exposure, since images are blurred" in verdict
+
+
 def test_means_of_each_pose_and_the_last_are_warned_of(session: Session, tmp_path: Path) -> None:
     """Tosses pass, but impacts are spread: a model of a brick was learned with a fifth too little friction."""
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from contact_curation.motion.pose_noise import LOUD, MOST, RIG_NOISE
 from contact_curation.motion.pose_stream import LOWEST_RATE
+from contact_curation.motion.survey.falls import noise_in_the_air
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -21,6 +22,10 @@ LONGEST = 0.2
 """A longer time without poses is a pause [s]."""
 
 QUIETER = "more light, larger tags or a nearer camera"
+SHARPER = "a shorter exposure, since images are blurred"
+
+BLURRED = 2.0
+"""Times: poses scatter by so much more in the air than otherwise, where motion blurs images."""
 
 REMEDIES = {
     "pose": "publish unit quaternions, and nothing where the tracker has no pose",
@@ -121,9 +126,16 @@ def noisy(evidence: Evidence) -> Finding | None:
         f"positions scatter by {1e3 * evidence.survey.noise:.2g} mm from frame to frame, "
         f"expected {1e3 * RIG_NOISE * expected:.2g} mm"
     )
+    in_the_air = noise_in_the_air(evidence.survey.series, evidence.survey.throws)
+    quieter = QUIETER
+    if in_the_air > max(BLURRED * evidence.survey.noise, LOUD * expected * RIG_NOISE):
+        what, quieter = f"{what}, and by {1e3 * in_the_air:.2g} mm while bodies fly: noise grows with speed", SHARPER
+        if evidence.mostly_rejected:
+            setting = _tracker_noise(in_the_air)
+            return Finding(Severity.FAULT, what, f"{quieter}, or try --set {setting}", settings=(setting,))
     taken = min(one.tracker.position for one in evidence.recordings)
     if told is None and multiple <= LOUD * taken:
-        remedy = f"wider bounds were taken, for {taken:.2g} times the noise; {QUIETER} reduce it"
+        remedy = f"wider bounds were taken, for {taken:.2g} times the noise; less of it by {quieter}"
         return Finding(Severity.WARNING, what, remedy)
     setting = _tracker_noise(evidence.survey.noise)
     remedy = f"{QUIETER}, or try --set {setting}" if multiple > MOST else f"say --set {setting}"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.falls import Survey
+from contact_curation.motion.survey.falls import Survey, noise_in_the_air
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
@@ -39,8 +39,9 @@ HARD = 20.0
 IMPACT, AROUND = 0.0135, 0.054
 """[s] In which an impact of raw poses is over, two frames at least; what is looked at around it."""
 
-WHITEST = -0.4
-"""Correlation of successive third differences in the air, from which on noise is filtered."""
+WHITEST, WHITE = -0.4, -0.69
+"""Correlations of successive third differences in the air: from the first on noise is filtered; up to the second it is not, and
+noise that grows with speed spreads impacts."""
 
 WHITE_AT_REST = -0.55
 """Correlation at rest, up to which no filter works there: what scatters in the air is then a body that vibrates."""
@@ -98,7 +99,7 @@ def smoothed(evidence: Evidence) -> Finding | None:
         what = spread
     elif colour is not None and colour > WHITEST and not _is_white_at_rest(evidence.survey):
         what = f"what scatters in the air is not white (third differences correlate by {colour:+.2f}, expected -0.75)"
-    elif share < SHARP:
+    elif share < SHARP and colour is not None and colour > WHITE:
         what = f"poses may be smoothed, and friction and shape be learned wrong: {spread}"
         slowed = abs(evidence.fall.size / evidence.body.gravity - 1.0) > SLOWED
         return Finding(Severity.FAULT if slowed else Severity.WARNING, what, UNFILTERED)
@@ -174,6 +175,7 @@ def _sharpness(found: Survey) -> Array:
     """By throw, the share of its first impact in two frames, or as long a time."""
     shares = []
     size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
+    noise = max(found.noise, noise_in_the_air(found.series, found.throws))
     for throw in found.throws:
         series, hit = found.series[throw.flights[0].series], throw.flights[0].stop
         frames = max(round(IMPACT / series.period), 2)
@@ -186,7 +188,7 @@ def _sharpness(found: Survey) -> Array:
         sums = np.convolve(given, np.ones(frames), mode="valid")
         at = int(np.argmax(sums))
         around = np.maximum(given[max(at - before, 0) : at + after], 0.0).sum()
-        if around > 0.0 and sums[at] > HARD * np.sqrt(6.0) * found.noise / series.period**2:
+        if around > 0.0 and sums[at] > HARD * np.sqrt(6.0) * noise / series.period**2:
             shares.append(float(sums[at] / around))
     return np.array(shares)
 
