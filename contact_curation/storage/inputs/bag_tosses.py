@@ -111,7 +111,9 @@ def _children(reader: BagReader, source: PoseSource) -> frozenset[str]:
         names = stored.channel, stored.data[NAMES_AT : -BEHIND_NAMES[source.body.type]]
         if names not in seen:
             seen.add(names)
-            children.update(frame_name(str(one.message.child_frame_id)) for one in reading.decoded([stored]))
+            decoded = reading.decoded([stored])
+            own = [getattr(one.message, "child_frame_id", None) for one in decoded]  # None: the bag has its own definition
+            children.update(frame_name(str(child)) for child in own if child is not None)
             if any(source.is_own(child) for child in children):
                 break
     return frozenset(children)
