@@ -232,7 +232,8 @@ def _check_something_is_held_out(rule: HeldOutRule, held_out: int, numbers: Coll
     tosses = counted_tosses(len(numbers))
     if rule.spans:
         spans = ", ".join(str(first) if first == last else f"{first}-{last}" for first, last in rule.spans)
-        said = f"some of the {tosses} that passed, from {min(numbers)} to {max(numbers)}"
+        each = ", counted in each recording" if len(set(numbers)) < len(numbers) else ""
+        said = f"some of the {tosses} that passed, from {min(numbers)} to {max(numbers)}{each}"
         raise InvalidValueError(rule.name, f"numbers {spans}", said)
     if rule.ids:
         found = f"{len(rule.ids)} ids, none of them of the {tosses}"

@@ -6,7 +6,7 @@ import pytest
 
 from contact_curation.errors import ContactCurationError
 from contact_curation.learning.evaluation.held_out import HeldOutRule
-from contact_curation.pipeline.division import held_out_rule
+from contact_curation.pipeline.division import _check_something_is_held_out, held_out_rule
 from test.cli.commands import Cli
 
 
@@ -29,6 +29,12 @@ def test_a_specification_is_a_rule(spec: str, rule: HeldOutRule) -> None:
 def test_anything_else_is_one_line(spec: str) -> None:
     with pytest.raises(ContactCurationError, match=r"held.out"):
         held_out_rule(spec)
+
+
+def test_numbers_that_come_again_in_each_recording_are_said_to() -> None:
+    for numbers, end in (([0, 1], "from 0 to 1"), ([0, 0, 1], "from 0 to 1, counted in each recording")):
+        with pytest.raises(ContactCurationError, match=rf"tosses that passed, {end}$"):
+            _check_something_is_held_out(HeldOutRule(spans=((5, 5),)), 0, numbers)
 
 
 def test_a_message_quotes_what_was_found_and_names_the_option() -> None:
