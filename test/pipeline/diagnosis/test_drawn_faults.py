@@ -78,7 +78,7 @@ def test_poses_that_are_held_while_the_object_is_hidden_are_named(frames: int, s
 
     fault = Fault("held", change, "")
     found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
-    named = [line for line in (found.verdict, *found.reasons) if "the pose before is repeated for" in line]
+    named = [line for line in (found.verdict, *found.reasons) if "poses repeat the one before for" in line]
     assert named, found
     assert ("one frame" if frames == 1 else f"up to {frames} frames") in named[0]
     assert "publish nothing where the object is not seen" in named[0]

@@ -26,8 +26,9 @@ UNEVEN = 0.0025
 SMALLEST, WORTH_SIZE = 0.067, 0.02
 """Of its depth at rest: what a body of another size is higher or lower, at least; what is worth a line if faces agree on it."""
 
-ABOVE = 1.5
-"""Times the distance of the farthest vertex: a centre at rest so high is held, wherever the board may be measured to be."""
+ABOVE, LOWEST = 1.5, 1.0
+"""Times the distance of the farthest vertex: a centre at rest so far over the lowest of 100 poses is held, wherever the board
+may be measured to be."""
 
 ROUND = np.radians(30.0)
 """Faces whose normals are no further apart may stand for a round side: those of prisms with twelve sides or more."""
@@ -111,10 +112,13 @@ def other_shape(evidence: Evidence) -> Finding | None:
 
 
 def _held_in_the_air(evidence: Evidence) -> bool:
-    """Whether most bodies are still where none of their vertices can touch the board."""
+    """Whether most bodies are still far over the lowest poses: none of their vertices can touch the board."""
     found = evidence.survey
     heights = [float(throw.rest.position @ found.up) for throw in found.throws if throw.rest is not None]
-    return bool(heights) and float(np.median(heights)) > ABOVE * float(np.linalg.norm(evidence.body.vertices, axis=1).max())
+    if not heights:
+        return False
+    lowest = float(np.percentile(np.concatenate([one.positions @ found.up for one in found.series]), LOWEST))
+    return float(np.median(heights)) - lowest > ABOVE * float(np.linalg.norm(evidence.body.vertices, axis=1).max())
 
 
 def other_size(evidence: Evidence) -> Finding | None:

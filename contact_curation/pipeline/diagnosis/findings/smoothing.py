@@ -114,12 +114,12 @@ def held(evidence: Evidence) -> Finding | None:
     if len(runs) < max(FEWEST_HELD, HELD * len(evidence.outcomes)):
         return None
     frames = f"up to {max(runs)} frames" if max(runs) > 1 else "one frame"
-    what = f"the pose before is repeated for {frames} amid {len(runs)} of {len(evidence.outcomes)} motions"
+    what = f"poses repeat the one before for {frames} amid {len(runs)} of {len(evidence.outcomes)} motions"
     return Finding(Severity.FAULT if evidence.mostly_rejected else Severity.WARNING, what, LOST)
 
 
 def _longest_held(outcome: Toss | Rejected) -> int:
-    """The most frames in a row that repeat the pose before, amid a motion; as long as a body at rest they are none."""
+    """The most frames in a row that repeat the pose before, amid a motion; of a body at rest they do not count."""
     toss = outcome.toss if isinstance(outcome, Rejected) else outcome
     same = (np.diff(toss.positions, axis=0) == 0.0).all(axis=1) & (np.diff(toss.orientations_wxyz, axis=0) == 0.0).all(axis=1)
     moved = np.flatnonzero(~same)
