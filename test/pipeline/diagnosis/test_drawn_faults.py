@@ -104,6 +104,23 @@ def test_two_cameras_that_see_by_turns_are_named_and_falls_are_seen(session: Ses
     assert re.search(r"[56] throws at 9\.[5-9]", str(diagnose([bag], config)))
 
 
+@pytest.mark.parametrize("frames", [1, 4])
+def test_straight_lines_that_fill_what_was_not_seen_are_named(frames: int, session: Session, tmp_path: Path) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        poses = made.poses.copy()
+        for hit in first_impacts(made):
+            shares = np.arange(1, frames + 1)[:, np.newaxis] / (frames + 1)
+            poses[hit + 1 : hit + 1 + frames] = (1.0 - shares) * poses[hit] + shares * poses[hit + 1 + frames]
+        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        return replace(made, poses=poses)
+
+    fault = Fault("filled", change, "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    named = [line for line in (found.verdict, *found.reasons) if "poses lie on a straight line between others for" in line]
+    assert named, found
+    assert ("one frame" if frames == 1 else f"up to {frames} frames") in named[0]
+
+
 def test_bodies_that_are_caught_and_held_are_not_called_another_shape(session: Session, tmp_path: Path) -> None:
     def change(made: Session, rng: np.random.Generator) -> Session:
         poses = made.poses.copy()

@@ -48,6 +48,7 @@ FINDINGS: tuple[Find, ...] = (
     gravity.no_fall,
     poses.outliers,
     smoothing.held,
+    smoothing.filled,
     smoothing.smoothed,
     smoothing.rounded,
     orientations.order,

@@ -5,7 +5,7 @@ frame, the largest two neighbours hold nearly all of it in raw poses, and much l
 noise, too: third differences of white noise correlate from one to the next by -0.75, of filtered noise by less or not at all.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +58,9 @@ KINK = 6.0
 FEWEST_FALLS = 6
 """Throws: a body that lands on one corner after the other spreads its impact, too, in two of three throws of the simulator."""
 
-MOVING = 0.1
-"""Share of a motion's longest step: poses that are held between steps so long are held amid the motion."""
+MOVING, STRAIGHT = 0.1, 1e-6
+"""Shares of a motion's longest step: what is held or straight between steps so long is so amid the motion; what a line bends
+by in numbers with six digits."""
 
 LONGEST_RUN = 9
 GAP = 3.5
@@ -110,17 +111,29 @@ def smoothed(evidence: Evidence) -> Finding | None:
 
 def held(evidence: Evidence) -> Finding | None:
     """Poses that are repeated within motions, where the tracker lost the object."""
-    runs = [run for one in evidence.outcomes if (run := _longest_held(one))]
-    if len(runs) < max(FEWEST_HELD, HELD * len(evidence.outcomes)):
+    return None if repeated(evidence) else _lost(evidence, _longest_held, "poses repeat the one before")
+
+
+def filled(evidence: Evidence) -> Finding | None:
+    """Poses on straight lines within motions, by which a tracker filled what it did not see."""
+    if interpolated(evidence) or rounded(evidence):
+        return None
+    return _lost(evidence, _longest_line, "poses lie on a straight line between others")
+
+
+def _lost(evidence: Evidence, longest_in: Callable[[Toss], int], how: str) -> Finding | None:
+    """What is said of poses that are none, by the most of them in a row in each motion."""
+    motions = [one.toss if isinstance(one, Rejected) else one for one in evidence.outcomes]
+    runs = [run for one in motions if (run := longest_in(one))]
+    if len(runs) < max(FEWEST_HELD, HELD * len(motions)):
         return None
     frames = f"up to {max(runs)} frames" if max(runs) > 1 else "one frame"
-    what = f"poses repeat the one before for {frames} amid {len(runs)} of {len(evidence.outcomes)} motions"
+    what = f"{how} for {frames} amid {len(runs)} of {len(motions)} motions"
     return Finding(Severity.FAULT if evidence.mostly_rejected else Severity.WARNING, what, LOST)
 
 
-def _longest_held(outcome: Toss | Rejected) -> int:
+def _longest_held(toss: Toss) -> int:
     """The most frames in a row that repeat the pose before, amid a motion; of a body at rest they do not count."""
-    toss = outcome.toss if isinstance(outcome, Rejected) else outcome
     same = (np.diff(toss.positions, axis=0) == 0.0).all(axis=1) & (np.diff(toss.orientations_wxyz, axis=0) == 0.0).all(axis=1)
     moved = np.flatnonzero(~same)
     if not len(moved):
@@ -129,6 +142,16 @@ def _longest_held(outcome: Toss | Rejected) -> int:
     steps = np.linalg.norm(np.diff(toss.positions, axis=0), axis=1)[moved]
     amid = gaps[(steps[1:] > MOVING * steps.max()) & (steps[:-1] > MOVING * steps.max())]
     return int(amid[amid <= LONGEST_RUN].max(initial=0))
+
+
+def _longest_line(toss: Toss) -> int:
+    """The most frames in a row that lie amid the ones beside them, while the body moves: gravity and noise bend its way."""
+    steps = np.linalg.norm(np.diff(toss.positions, axis=0), axis=1)
+    bent = np.linalg.norm(np.diff(toss.positions, n=2, axis=0), axis=1)
+    straight = (bent <= STRAIGHT * steps.max(initial=0.0)) & (steps[:-1] > MOVING * steps.max(initial=0.0))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], straight, [False]])))
+    lengths = edges[1::2] - edges[::2]
+    return int(lengths[lengths <= LONGEST_RUN].max(initial=0))
 
 
 def rounded(evidence: Evidence) -> Finding | None:
