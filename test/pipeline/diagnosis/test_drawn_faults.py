@@ -149,7 +149,7 @@ def test_noise_that_grows_with_speed_is_called_blur(session: Session, tmp_path: 
 
 
 def test_means_of_each_pose_and_the_last_are_warned_of(session: Session, tmp_path: Path) -> None:
-    """Tosses pass, but impacts are spread: a model of a brick was learned with a fifth too little friction."""
+    """Tosses pass, but impacts are spread, and models learn too little friction."""
 
     def change(made: Session, rng: np.random.Generator) -> Session:
         poses = made.poses.copy()
