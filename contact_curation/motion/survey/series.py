@@ -25,11 +25,11 @@ FEWEST = 6
 THIRD_DIFFERENCE = 0.6745 * sqrt(20.0)
 """Median size of third differences of noise, in its standard deviations."""
 
-UNEVEN, MOSTLY, FEWEST_ROUNDS = 0.1, 0.7, 20
-"""Share by which the steps of two cameras differ from even ones, share of the rounds that are alike, and how many there are."""
+UNEVEN, MOSTLY, FEWEST_PAIRS = 0.1, 0.7, 20
+"""Of two cameras: share by which steps differ from even ones; share of the pairs of steps that are alike; pairs, at least."""
 
 SAME_CAMERA = 0.75
-"""Of a round: sooner comes the other camera."""
+"""Of a pair of steps: a pose that comes sooner is the other camera's."""
 
 WIDEST_STEP = 1.5
 """Median steps: a window has none that is longer."""
@@ -65,22 +65,24 @@ class PoseSeries:
         return float(np.median(self.steps)) if self.steps.size else float("nan")
 
     @cached_property
-    def round(self) -> float:
+    def pair_period(self) -> float:
         """[s] In which two cameras that see by turns, after uneven steps, have each given a pose; 0 where steps are alike."""
-        both = self.times[2:] - self.times[:-2]
-        if len(both) < FEWEST_ROUNDS:
+        pairs = self.times[2:] - self.times[:-2]
+        if len(pairs) < FEWEST_PAIRS:
             return 0.0
-        usual = float(np.median(both))
-        regular = float(np.mean(np.abs(both - usual) < UNEVEN * usual)) > MOSTLY
-        return usual if regular and abs(0.5 * usual - self.period) > UNEVEN * self.period else 0.0
+        usual = float(np.median(pairs))
+        regular = float(np.mean(np.abs(pairs - usual) < UNEVEN * usual)) > MOSTLY
+        uneven = float(np.median(np.abs(self.steps - 0.5 * usual)))
+        again = float(np.median(np.abs(self.steps[2:] - self.steps[:-2])))  # after two steps; jitter does not come again
+        return usual if regular and uneven > max(UNEVEN * 0.5 * usual, 2.0 * again) else 0.0
 
     def of_one_camera(self) -> "PoseSeries":
         """Without the poses of the second camera, where two see by turns; else the same."""
-        if not self.round:
+        if not self.pair_period:
             return self
         kept, last = [0], 0.0
         for at, time in enumerate(self.times.tolist()):
-            if time >= last + SAME_CAMERA * self.round:
+            if time >= last + SAME_CAMERA * self.pair_period:
                 kept.append(at)
                 last = time
         return PoseSeries(self.stamps_ns[kept], self.positions[kept], self.orientations_wxyz[kept])

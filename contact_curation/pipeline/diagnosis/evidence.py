@@ -265,7 +265,7 @@ class Evidence:
     def period(self) -> float:
         """Of the poses, median [s]; NaN where there are none."""
         series = [one for recording in self.recordings for one in recording.series if len(one) > 1]
-        periods = [0.5 * one.round or one.period for one in series]
+        periods = [0.5 * one.pair_period or one.period for one in series]
         return float(np.median(periods)) if periods else float("nan")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.scalars import Quaternion
+from contact_curation.geometry.scalars import Quaternion, unit
 
 ROTVEC = "rotvec"
 ORDERS = (*("".join(order) for axes in ("xyz", "XYZ") for order in permutations(axes)), ROTVEC)
@@ -75,8 +75,7 @@ UNTOLD = AngleConvention()
 def of_quaternion(wxyz: Sequence[float]) -> Quaternion:
     """Of the numbers of a quaternion: as they are, but of unit norm where rounding to some decimals took it from them."""
     w, x, y, z = wxyz
-    norm = hypot(w, x, y, z)
-    return (w / norm, x / norm, y / norm, z / norm) if EXACT < abs(norm - 1.0) < ROUNDED else (w, x, y, z)
+    return unit((w, x, y, z)) if EXACT < abs(hypot(w, x, y, z) - 1.0) < ROUNDED else (w, x, y, z)
 
 
 def of_matrix(entries: Sequence[float]) -> Quaternion:

@@ -69,56 +69,65 @@ def first_impacts(made: Session) -> list[int]:
 
 
 @pytest.mark.parametrize("frames", [1, 4])
-def test_poses_that_are_held_while_the_object_is_hidden_are_named(frames: int, session: Session, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("share", "how"), [(0.0, "repeat the one before"), (1.0, "lie on a straight line between others")])
+def test_poses_that_are_made_up_while_the_object_is_hidden_are_named(
+    share: float, how: str, frames: int, session: Session, tmp_path: Path
+) -> None:
+    """Those before, or on the way to those after."""
+
     def change(made: Session, rng: np.random.Generator) -> Session:
-        poses = made.poses.copy()
+        poses, ways = made.poses.copy(), share * np.arange(1, frames + 1)[:, np.newaxis] / (frames + 1)
         for hit in first_impacts(made):
-            poses[hit + 1 : hit + 1 + frames] = poses[hit]
+            poses[hit + 1 : hit + 1 + frames] = (1.0 - ways) * poses[hit] + ways * poses[hit + 1 + frames]
+        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
         return replace(made, poses=poses)
 
-    fault = Fault("held", change, "")
+    fault = Fault("hidden", change, "")
     found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
-    named = [line for line in (found.verdict, *found.reasons) if "poses repeat the one before for" in line]
+    named = [line for line in (found.verdict, *found.reasons) if f"poses {how} for" in line]
     assert named, found
     assert ("one frame" if frames == 1 else f"up to {frames} frames") in named[0]
     assert "publish nothing where the object is not seen" in named[0]
 
 
-def test_two_cameras_that_see_by_turns_are_named_and_falls_are_seen(session: Session, tmp_path: Path) -> None:
-    """The second one 5 ms after the first, of 13.5: without their true times nothing falls on a parabola."""
+@pytest.mark.parametrize(
+    ("earlier_ns", "steps", "setting"),
+    [(1_756_757, "5 and 8.51", "segmenter.largest_gap=1.9"), (1_000_000, "5.76 and 7.76", "")],
+)
+def test_two_cameras_that_see_by_turns_are_named_and_falls_are_seen(
+    earlier_ns: int, steps: str, setting: str, session: Session, tmp_path: Path
+) -> None:
+    """Without their true times nothing falls on a parabola."""
 
     def change(made: Session, rng: np.random.Generator) -> Session:
         stamps = made.stamps_ns.copy()
-        stamps[1::2] -= 1_756_757
-        moved = [np.interp(stamps, made.stamps_ns, column) for column in made.poses.T]
-        poses = np.stack(moved, axis=1)
-        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-        return replace(made, stamps_ns=stamps, poses=poses)
+        stamps[1::2] -= earlier_ns
+        moved = np.stack([np.interp(stamps, made.stamps_ns, column) for column in made.poses.T], axis=1)
+        moved[:, 3:] /= np.linalg.norm(moved[:, 3:], axis=1, keepdims=True)
+        return replace(made, stamps_ns=stamps, poses=moved)
 
     fault = Fault("two cameras", change, "")
     bag = spoilt_bag(tmp_path / "a.mcap", fault, session)
     found = diagnosed(bag, fault)
-    assert any("by turns 5 and 8.51 ms after the last" in line for line in (found.verdict, *found.reasons)), found
-    assert "segmenter.largest_gap=1.9" in found.settings
-    config = ReadingConfig(CONTACTNETS_CUBE, inputs=InputsConfig(segmenter=SegmenterConfig(largest_gap=1.9)))
-    assert re.search(r"[56] throws at 9\.[5-9]", str(diagnose([bag], config)))
+    assert any(f"by turns {steps} ms after the last" in line for line in (found.verdict, *found.reasons)), found
+    assert setting in found.settings
+    assert ("largest_gap" in found.settings) == bool(setting)
+    assert re.search(r"[56] throws at 9\.[5-9]", str(found))
 
 
-@pytest.mark.parametrize("frames", [1, 4])
-def test_straight_lines_that_fill_what_was_not_seen_are_named(frames: int, session: Session, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("flipped", "said"), [(1, False), (2, True)])
+def test_a_third_of_the_motions_that_flip_have_a_hint(flipped: int, said: bool, session: Session, tmp_path: Path) -> None:
     def change(made: Session, rng: np.random.Generator) -> Session:
         poses = made.poses.copy()
-        for hit in first_impacts(made):
-            shares = np.arange(1, frames + 1)[:, np.newaxis] / (frames + 1)
-            poses[hit + 1 : hit + 1 + frames] = (1.0 - shares) * poses[hit] + shares * poses[hit + 1 + frames]
-        poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+        for hit in first_impacts(made)[:flipped]:
+            w, x, y, z = poses[hit - 3, 3:]
+            poses[hit - 3 : hit - 1, 3:] = -x, w, z, -y  # half a turn about the body's x
         return replace(made, poses=poses)
 
-    fault = Fault("filled", change, "")
+    fault = Fault("flipped", change, "")
     found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
-    named = [line for line in (found.verdict, *found.reasons) if "poses lie on a straight line between others for" in line]
-    assert named, found
-    assert ("one frame" if frames == 1 else f"up to {frames} frames") in named[0]
+    assert f"{1 + flipped} of 6 motions rejected" in str(found)  # one for another reason
+    assert ("orientations jump: flipped tags, or a symmetric body?" in str(found)) == said
 
 
 def test_bodies_that_are_caught_and_held_are_not_called_another_shape(session: Session, tmp_path: Path) -> None:

@@ -126,19 +126,18 @@ def noisy(evidence: Evidence) -> Finding | None:
         f"positions scatter by {1e3 * evidence.survey.noise:.2g} mm from frame to frame, "
         f"expected {1e3 * RIG_NOISE * expected:.2g} mm"
     )
+    noise, quieter = evidence.survey.noise, QUIETER
     in_the_air = noise_in_the_air(evidence.survey.series, evidence.survey.throws)
-    quieter = QUIETER
-    if in_the_air > max(BLURRED * evidence.survey.noise, LOUD * expected * RIG_NOISE):
-        what, quieter = f"{what}, and by {1e3 * in_the_air:.2g} mm while bodies fly: noise grows with speed", SHARPER
-        if evidence.mostly_rejected:
-            setting = _tracker_noise(in_the_air)
-            return Finding(Severity.FAULT, what, f"{quieter}, or try --set {setting}", settings=(setting,))
+    blurred = in_the_air > max(BLURRED * noise, LOUD * expected * RIG_NOISE)
+    if blurred:
+        noise, quieter = in_the_air, SHARPER
+        what = f"{what}, and by {1e3 * in_the_air:.2g} mm while bodies fly: noise grows with speed"
     taken = min(one.tracker.position for one in evidence.recordings)
-    if told is None and multiple <= LOUD * taken:
+    if told is None and multiple <= LOUD * taken and not (blurred and evidence.mostly_rejected):
         remedy = f"wider bounds were taken, for {taken:.2g} times the noise; less of it by {quieter}"
         return Finding(Severity.WARNING, what, remedy)
-    setting = _tracker_noise(evidence.survey.noise)
-    remedy = f"{QUIETER}, or try --set {setting}" if multiple > MOST else f"say --set {setting}"
+    setting = _tracker_noise(noise)
+    remedy = f"{quieter}, or try --set {setting}" if blurred or multiple > MOST else f"say --set {setting}"
     return Finding(severity, what, remedy, settings=(setting,))
 
 

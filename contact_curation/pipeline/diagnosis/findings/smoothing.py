@@ -1,4 +1,4 @@
-"""Poses that are not as measured: repeated, interpolated, filtered, rounded.
+"""Poses that are not as measured: repeated, interpolated, held or filled where the object is hidden, filtered, rounded.
 
 An impact changes a velocity within one frame. With a_k = (z_k+1 - 2 z_k + z_k-1) / dt^2 + g, what contact gives from frame to
 frame, the largest two neighbours hold nearly all of it in raw poses, and much less behind a filter. A filter shows in the
@@ -30,8 +30,8 @@ SLOWED = 0.015
 """Share by which a fall is not gravity, where a filter may have done it: then it is the first thing to mend."""
 
 LOST = "publish nothing where the object is not seen: a gap that is known costs less than a pose that is made up"
-FEWEST_HELD, HELD = 3, 0.3
-"""Motions with poses that repeat the one before, and the share that these are of all, that are worth a line."""
+FEWEST_LOST, OFTEN_LOST = 3, 0.3
+"""Motions in which the object was lost, and the share that these are of all, from which on it is worth a line."""
 
 HARD = 20.0
 """Times the noise of `a_k`: of softer impacts the frames around them hold as much of it."""
@@ -121,11 +121,23 @@ def filled(evidence: Evidence) -> Finding | None:
     return _lost(evidence, _longest_line, "poses lie on a straight line between others")
 
 
+def rounded(evidence: Evidence) -> Finding | None:
+    """Positions with few decimals."""
+    if evidence.fall is None or not evidence.fall.sound:
+        return None
+    grids = [grid for one in evidence.recordings if (grid := _grid(one.measured.positions))]
+    if not grids:
+        return None
+    what = f"positions are rounded to {1e3 * max(grids):.2g} mm"
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    return Finding(severity, what, "record them with all their digits")
+
+
 def _lost(evidence: Evidence, longest_in: Callable[[Toss], int], how: str) -> Finding | None:
     """What is said of poses that are none, by the most of them in a row in each motion."""
     motions = [one.toss if isinstance(one, Rejected) else one for one in evidence.outcomes]
     runs = [run for one in motions if (run := longest_in(one))]
-    if len(runs) < max(FEWEST_HELD, HELD * len(motions)):
+    if len(runs) < max(FEWEST_LOST, OFTEN_LOST * len(motions)):
         return None
     frames = f"up to {max(runs)} frames" if max(runs) > 1 else "one frame"
     what = f"{how} for {frames} amid {len(runs)} of {len(motions)} motions"
@@ -152,18 +164,6 @@ def _longest_line(toss: Toss) -> int:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], straight, [False]])))
     lengths = edges[1::2] - edges[::2]
     return int(lengths[lengths <= LONGEST_RUN].max(initial=0))
-
-
-def rounded(evidence: Evidence) -> Finding | None:
-    """Positions with few decimals."""
-    if evidence.fall is None or not evidence.fall.sound:
-        return None
-    grids = [grid for one in evidence.recordings if (grid := _grid(one.measured.positions))]
-    if not grids:
-        return None
-    what = f"positions are rounded to {1e3 * max(grids):.2g} mm"
-    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
-    return Finding(severity, what, "record them with all their digits")
 
 
 def _share(evidence: Evidence, order: int) -> float:

@@ -110,14 +110,15 @@ def jitter(evidence: Evidence) -> Finding | None:
 
 def by_turns(evidence: Evidence) -> Finding | None:
     """Two cameras whose poses come on one topic, after uneven steps, of which the segmenter may take the longer for gaps."""
-    seen = [one for recording in evidence.recordings for one in recording.series if one.round]
+    seen = [one for recording in evidence.recordings for one in recording.series if one.pair_period]
     if not seen:
         return None
-    first, other = seen[0].period, seen[0].round - seen[0].period
-    what = f"poses come by turns {1e3 * first:.3g} and {1e3 * other:.3g} ms after the last, as of two cameras"
-    if other <= evidence.config.inputs.segmenter.largest_gap * first:
+    pair = seen[0].pair_period
+    short = float(np.median(seen[0].steps[seen[0].steps < 0.5 * pair]))
+    what = f"poses come by turns {1e3 * short:.3g} and {1e3 * (pair - short):.3g} ms after the last, as of two cameras"
+    if pair - short <= evidence.config.inputs.segmenter.largest_gap * short:
         return Finding(Severity.FACT, what, APART)
-    setting = f"segmenter.largest_gap={np.ceil(10.0 * other / first + 1.0) / 10.0:.1f}"
+    setting = f"segmenter.largest_gap={np.ceil(10.0 * pair / short - 9.0) / 10.0:.1f}"
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
     return Finding(severity, what, f"say --set {setting}; {APART}", settings=(setting,))
 
