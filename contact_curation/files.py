@@ -163,10 +163,13 @@ def write_atomically(path: Path, data: bytes) -> None:
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """A hidden file beside `path` that takes its name, whole, when the block ends well, and is removed when it does not.
 
+    A link stays, and what it leads to is replaced.
+
     Raises:
         InvalidValueError: the file cannot be written there.
     """
     with writing(path):
+        path = Path(os.path.realpath(path)) if path.is_symlink() else path
         descriptor, partial = _partial(path, _new_file)
         try:
             with os.fdopen(descriptor, "wb") as file:

@@ -2,10 +2,14 @@
 
 A polytope is fitted to n random tosses as `train` does, to the optimum from a random initialisation. `more_throws` says how far
 n more tosses would change its predictions of judging tosses. Then it is fitted to these 2 n tosses, and the change is measured.
-The bodies are those of `reproduce` (experiments/bodies.py): the real cube, tosses below 400 only, and bodies of MuJoCo. A third
-of the tosses judges. The cube's tosses are found through CONTACTNETS_DATA.
+With --selected the n tosses are those that the default rule selects of 3 n random ones, in rounds, and the change is that to
+the n of 6 n, which contain the 3 n; fits leave out what they explain worst, as the trainer's.
 
-    python -m benchmarks.learning.more_throws [--bodies cube ...] [--sizes 8 16 32] [--seeds 10] [--save ROWS.jsonl]
+The bodies are those of `reproduce` (experiments/bodies.py): the real cube, tosses below 400 only, and bodies of MuJoCo. A third
+of the tosses judges. The cube's tosses are found through CONTACTNETS_DATA. The worlds of `coverage` that bounce are others;
+their models have a restitution, which first impacts show, as in `train`.
+
+    python -m benchmarks.learning.more_throws [--bodies cube ...] [--sizes 8 16 32] [--seeds 10] [--selected] [--save ROWS]
 
 With --save rows are kept, and those that are there already are not made again.
 """
@@ -19,57 +23,108 @@ import numpy as np
 import torch
 
 from benchmarks._saved_rows import Row, SavedRows
+from benchmarks.learning.coverage import WORLDS
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of
-from contact_curation.experiments.cell_run import ONE_THREAD, Bench
+from contact_curation.experiments.cell_run import ONE_THREAD, Bench, select
+from contact_curation.experiments.rules import OURS, RULES
+from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig
+from contact_curation.learning.evaluation.rebounds import rebound_of
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
+from contact_curation.learning.training.protocols import ROUND_TRIMMED
+from contact_curation.learning.training.reranking import EXACT_SELECTIONS
 from contact_curation.learning.uncertainty.more_throws import more_throws, motion_change
-from contact_curation.motion.transitions import transitions_of
+from contact_curation.motion.gate_config import GateConfig
+from contact_curation.motion.toss import Toss
+from contact_curation.motion.transitions import Transitions, transitions_of
 
 BODIES = ("cube", "slab", "wedge", "irregular")
+BOUNCING = tuple(name for name in WORLDS if name.endswith("bouncing"))
+"""Are made with --bodies only."""
+
+THROWN = 240
+"""Tosses of a world that bounces."""
+
 CONFIG = EvaluationConfig(loss=ONE_THREAD)
 JUDGES = 32
 """Tosses whose motions are predicted."""
 
+POOL = 3
+"""As many times the tosses are thrown that are selected."""
+
 MEASURES = ("position", "rotation")
 
 
-def fitted(bench: Bench, order: Sequence[int], seed: int) -> PolytopeModel:
-    """The optimum of some training tosses."""
+def bench_named(name: str) -> Bench:
+    """A body's tosses, of which a third judges."""
+    if name not in BOUNCING:
+        return bench_of(name, 0)
+    world = WORLDS[name]
+    return Bench(world.body, world.tosses(THROWN, 0), (), GateConfig()).divided(0)
+
+
+def theta_0_of(name: str, bench: Bench, seed: int) -> PolytopeModel:
+    """Where fits start."""
     drawn = initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed))
-    start = theta_0(PolytopeModel(drawn, bench.body, Form.RIGID))
-    data = transitions_of([bench.training[place] for place in order], bench.body.length_scale)
-    return optimum(start, data, ONE_THREAD, 0.0).model
+    model = theta_0(PolytopeModel(drawn, bench.body, Form.RIGID))
+    return model.bouncing() if name in BOUNCING else model
 
 
-def rows_of(name: str, bench: Bench, sizes: Sequence[int], seed: int) -> list[Row]:
+def data_of(tosses: Sequence[Toss], start: PolytopeModel) -> Transitions:
+    """What is fitted to."""
+    return as_described(transitions_of(tosses, start.body.length_scale), start.geometry(), start.body)
+
+
+def fitted(tosses: Sequence[Toss], start: PolytopeModel, trimmed: float) -> PolytopeModel:
+    """The optimum of some tosses."""
+    bounces = start.geometry().restitution is not None
+    rebound = rebound_of(transitions_of(tosses, start.body.length_scale), start.body) if bounces else None
+    return optimum(start, data_of(tosses, start), ONE_THREAD, trimmed, rebound=rebound).model
+
+
+def selected(tosses: Sequence[Toss], start: PolytopeModel, size: int) -> tuple[Toss, ...]:
+    """Those that the default rule keeps, each time at the optimum of the ones before."""
+    kept: tuple[Toss, ...] = ()
+    model = start
+    for _ in range(EXACT_SELECTIONS):
+        ids = set(select(RULES[OURS], model, tosses, size, 0))
+        kept = tuple(toss for toss in tosses if toss.toss_id in ids)
+        model = fitted(kept, start, ROUND_TRIMMED)
+    return kept
+
+
+def rows_of(name: str, bench: Bench, sizes: Sequence[int], seed: int, by_rule: bool) -> list[Row]:
     """What was said and what came, for each number of tosses."""
-    order = np.random.default_rng([seed, 7]).permutation(len(bench.training)).tolist()
-    models = {size: fitted(bench, order[:size], seed) for size in sorted({*sizes, *(2 * size for size in sizes)})}
-    rows, judges = list[Row](), bench.held_out[:JUDGES]
+    order = np.random.default_rng([seed, 7]).permutation(len(bench.training))
+    thrown, start = tuple(bench.training[place] for place in order), theta_0_of(name, bench, seed)
+    rows, judges, trimmed = list[Row](), bench.held_out[:JUDGES], ROUND_TRIMMED if by_rule else 0.0
     for size in sizes:
-        data = transitions_of([bench.training[place] for place in order[:size]], bench.body.length_scale)
-        said = more_throws(models[size], data, judges, CONFIG)
+        if by_rule:
+            now, later = (selected(thrown[: times * POOL * size], start, size) for times in (1, 2))
+        else:
+            now, later = thrown[:size], thrown[: 2 * size]
+        model = fitted(now, start, trimmed)
+        said = more_throws(model, data_of(now, start), judges, CONFIG)
         assert said is not None
-        actual = dict(zip(MEASURES, motion_change(models[size], models[2 * size], judges, CONFIG), strict=True))
-        rows.append({"body": name, "size": size, "seed": seed, **said._asdict(), "actual": actual})
+        actual = dict(zip(MEASURES, motion_change(model, fitted(later, start, trimmed), judges, CONFIG), strict=True))
+        rows.append({"body": name, "size": size, "seed": seed, "selected": by_rule, **said._asdict(), "actual": actual})
     return rows
 
 
 def print_table(rows: Sequence[Row]) -> None:
     """Medians over seeds, and the share of changes below the line of 95 %."""
     print(
-        f"{'body':10} {'tosses':>6} {'seeds':>5} {'not said':>8}" + 2 * f"{'said':>8} {'came':>6} {'ratio':>6} {'below %':>7}"
+        f"{'body':18} {'tosses':>6} {'seeds':>5} {'not said':>8}" + 2 * f"{'said':>8} {'came':>6} {'ratio':>6} {'below %':>7}"
     )
-    for body in (*BODIES, "all"):
+    for body in (*dict.fromkeys(row["body"] for row in rows), "all"):
         for size in sorted({row["size"] for row in rows}):
             own = [row for row in rows if row["size"] == size and body in (row["body"], "all")]
             told = [row for row in own if not row["not_determined"]]
             if told:
                 cells = "".join(_cells(told, measure) for measure in MEASURES)
-                print(f"{body:10} {size:6} {len(own):5} {len(own) - len(told):8}{cells}")
+                print(f"{body:18} {size:6} {len(own):5} {len(own) - len(told):8}{cells}")
 
 
 def _cells(rows: Sequence[Row], measure: str) -> str:
@@ -82,21 +137,23 @@ def _cells(rows: Sequence[Row], measure: str) -> str:
 def main() -> int:
     """Runs the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--bodies", nargs="+", choices=BODIES, default=BODIES)
+    parser.add_argument("--bodies", nargs="+", choices=(*BODIES, *BOUNCING), default=BODIES)
     parser.add_argument("--sizes", nargs="+", type=int, default=[8, 16, 32])
     parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--selected", action="store_true")
     parser.add_argument("--save", type=Path)
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     saved = SavedRows(arguments.save)
     for name in arguments.bodies:
-        bench = bench_of(name, 0)
+        bench = bench_named(name)
         for seed in range(arguments.seeds):
-            done = {row["size"] for row in saved.rows if (row["body"], row["seed"]) == (name, seed)}
-            made = rows_of(name, bench, [size for size in arguments.sizes if size not in done], seed)
+            own = [row for row in saved.rows if (row["body"], row["seed"], row["selected"]) == (name, seed, arguments.selected)]
+            sizes = [size for size in arguments.sizes if size not in {row["size"] for row in own}]
+            made = rows_of(name, bench, sizes, seed, arguments.selected)
             print(*made, sep="\n", file=sys.stderr, flush=True)
             saved.add(made)
-    print_table(saved.rows)
+    print_table([row for row in saved.rows if row["selected"] == arguments.selected])
     return 0
 
 

@@ -72,6 +72,7 @@ class Trainer(StageNode):
         self._misfits: tuple[str, ...] = ()
         self._said_to_rest: tuple[int, Stamped] | None = None
         self._errors: tuple[str, HeldOutErrors] | None = None
+        self._more_throws: tuple[str, str] | None = None
         self._model_parameters = self.create_publisher(ModelParameters, "model_parameters", latched(1))
         self._status = self.create_publisher(TrainingStatus, "training_status", latched(STATUS_DEPTH))
         self._worker = Worker(self.fail)
@@ -150,7 +151,18 @@ class Trainer(StageNode):
         rests_on = self._stage.rests_on
         self._said_to_rest = None if rests_on is None else (rests_on.revision, self._stamped)
         revision = None if rests_on is None else rests_on.revision
-        self._status.publish(status_message(moment, version, self._errors[1], self._stamped, revision, self._misfits))
+        more = "" if rests_on is None else self._by_more_throws(version)
+        told = (*self._misfits, *([more] if more else ()))
+        self._status.publish(status_message(moment, version, self._errors[1], self._stamped, revision, told))
+
+    def _by_more_throws(self, version: str) -> str:
+        """How far more throws would change what it rests at, in words; empty where that is not known."""
+        if self._more_throws is None or self._more_throws[0] != version:
+            found = self._stage.more_throws(self._held_out.tosses)
+            self._more_throws = version, found.in_words() if found else ""
+            if found:
+                self.get_logger().info(found.in_words())
+        return self._more_throws[1]
 
     def _say_if_it_rests(self) -> None:
         """Publishes the state `waiting` if the buffer needs no round, for nodes that wait for the trainer."""
@@ -174,6 +186,7 @@ class Trainer(StageNode):
             "training_loss": progress.training_loss,
             "missing": len(self._stage.missing),
             "queue": self._worker.waiting,
+            "more_throws": self._more_throws[1] if self._more_throws else "",
             **self._warnings.counts,
         }
         failed = progress.state is TrainingState.FAILED

@@ -12,7 +12,7 @@ from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, read_json, write_atomically
-from contact_curation.learning.checkpoints.checkpoint import loss_of_bytes, shape_known_to_of_bytes
+from contact_curation.learning.checkpoints.checkpoint import how_trained
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
@@ -20,9 +20,6 @@ from contact_curation.pipeline.carried_body import GivenBody, body_of, path_of
 from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
 from contact_curation.storage.parameters_file import LARGEST_BYTES as PARAMETERS_BYTES
 from contact_curation.storage.saved_path import saved_path
-
-OPTIMUM = "optimum"
-"""The note of a checkpoint whose training ended there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,9 +163,7 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
         fitted_to=last or learned,
         held_out=held_out,
         rig=notes.get("rig"),
-        at_optimum=OPTIMUM in notes,
-        shape_known_to=shape_known_to_of_bytes(data, name),
-        loss=loss_of_bytes(data, name),
+        **how_trained(data, name)._asdict(),
         data=data,
     )
 

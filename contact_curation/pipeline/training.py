@@ -20,8 +20,6 @@ from contact_curation.errors import ContactCurationError, InvalidValueError, Unk
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoints.stored_model import notes_of_bytes
-from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
-from contact_curation.learning.evaluation.evaluation import EvaluationConfig
 from contact_curation.learning.evaluation.misfit import sliding_of, sticking_in_words
 from contact_curation.learning.training.curated import CuratedTraining
 from contact_curation.learning.training.data import rows_of
@@ -31,10 +29,10 @@ from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.learning.training.protocols import USUAL_STARTS, TrainingConfig, budgeted, exact, published
 from contact_curation.learning.training.reranking import RerankingConfig
 from contact_curation.learning.uncertainty.bounce import Bounce, bounce_of
-from contact_curation.learning.uncertainty.more_throws import MoreThrows, more_throws
+from contact_curation.learning.uncertainty.more_throws import MoreThrows, after_training
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses
-from contact_curation.pipeline.learned_model import OPTIMUM, LearnedModel, model_of_checkpoint
+from contact_curation.pipeline.learned_model import LearnedModel, model_of_checkpoint
 from contact_curation.pipeline.reading import settings_of
 from contact_curation.storage.parameters_file import Parameters, read_theta
 from contact_curation.version import __version__
@@ -219,8 +217,7 @@ class TrainingRun:
 
     def checkpoint(self) -> bytes:
         """All of it, to be resumed or to take the model from."""
-        notes = {**self._notes, **({OPTIMUM: self.progress.reason} if self._at_optimum else {})}
-        return stored(self.plan, self.curated, notes)
+        return stored(self.plan, self.curated, self._notes)
 
     def check(self, checkpoint: Path | None = None) -> None:
         """Refuses a training that failed.
@@ -234,34 +231,24 @@ class TrainingRun:
     def bounce(self) -> Bounce | None:
         """The restitution of the tosses, where the model was fitted to its optimum without one."""
         training = self.curated.training
-        return bounce_of(training.trained(), training.data, self.plan.protocol.loss) if self._at_optimum else None
+        return bounce_of(training.trained(), training.data, self.plan.protocol.loss) if training.at_optimum else None
 
     def sticking(self) -> str:
         """What contacts that seldom slide say against the friction of an optimum; empty for nothing."""
-        if not self._at_optimum:
+        if not self.curated.training.at_optimum:
             return ""
         model = self.curated.training.trained()
         slid = sliding_of(self.plan.tosses, model.body)
         return sticking_in_words(self.curated.training.data, model.geometry(), model.body, slid)
 
     def more_throws(self) -> MoreThrows | None:
-        """How far as many throws again would change predicted motions, of the held-out tosses if there are any.
-
-        None for a shape that was known: how far lines hold there was not measured.
-        """
-        training, plan = self.curated.training, self.plan
-        if not self._at_optimum or plan.protocol.shape_known_to is not None:
-            return None
-        config = EvaluationConfig(plan.protocol.loss, bootstrap=BootstrapConfig(seed=plan.seed), threads=os.cpu_count() or 1)
-        return more_throws(training.trained(), training.data, plan.held_out or plan.tosses, config)
+        """How far as many throws again would change predicted motions, of the held-out tosses if there are any."""
+        judges = self.plan.held_out or self.plan.tosses
+        return after_training(self.curated.training, judges, self.plan.seed, threads=os.cpu_count() or 1)
 
     def model(self) -> LearnedModel:
         """The model as it is now."""
         return model_of_checkpoint(self.checkpoint(), f"{self.plan.kind} trained here")
-
-    @property
-    def _at_optimum(self) -> bool:
-        return self.plan.protocol.exact and self.progress.state is TrainingState.CONVERGED
 
 
 def _polytope(start: Parameters, form: Form, tosses: LearningTosses) -> PolytopeModel:

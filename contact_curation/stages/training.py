@@ -10,7 +10,7 @@ with them a `TrainingRecord` for whoever supervises.
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -24,6 +24,7 @@ from contact_curation.learning.evaluation.misfit import misfits
 from contact_curation.learning.training.progress import Progress, TrainingState
 from contact_curation.learning.training.protocols import TrainingConfig
 from contact_curation.learning.training.training import Training
+from contact_curation.learning.uncertainty.more_throws import MoreThrows, after_training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.stages.records import TrainingRecord, load_record, record_bytes, record_of, stored_records
@@ -174,9 +175,17 @@ class TrainingStage:
         """What the model of the newest round lacks by the tosses that it learns from, one line each."""
         if self._training is None:
             return ()
-        tosses, model = [one.toss for one in self._tosses.get(self._round.toss_ids)], self._training.model
-        at_optimum = self._config.exact and self._training.progress.state is TrainingState.CONVERGED
-        return misfits(tosses, model.body, model.geometry() if at_optimum else None, bounces=self._config.restitution)
+        model, at_optimum = self._training.model, self._training.at_optimum
+        return misfits(
+            self._round_tosses, model.body, model.geometry() if at_optimum else None, bounces=self._config.restitution
+        )
+
+    def more_throws(self, tosses: Sequence[Toss] = ()) -> MoreThrows | None:
+        """How far as many throws again would change predicted motions of these tosses, or else of those of the round.
+
+        None where that is not known, as after rounds that did not end at an optimum.
+        """
+        return None if self._training is None else after_training(self._training, tosses or self._round_tosses, self._seed)
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -216,6 +225,11 @@ class TrainingStage:
         if ended or before // every != progress.gradient_steps // every:
             self._save()
         return self.now if ended else None
+
+    @property
+    def _round_tosses(self) -> list[Toss]:
+        """What the newest round learns from."""
+        return [one.toss for one in self._tosses.get(self._round.toss_ids)]
 
     @property
     def _running(self) -> bool:

@@ -68,6 +68,7 @@ def test_what_is_kept_is_trained_on_and_everything_is_scored_and_ranked_again_at
     assert statuses[-1].held_out_loss < 0.1 * first.held_out_loss
     assert statuses[-1].position_error < 0.1 * first.position_error
 
+    assert "more throws like these" in statuses[-1].detail
     model = read_model(graph.folder / "trainer.safetensors")
     assert isinstance(model, PolytopeModel)
     assert model_version(model) == parameters[-1].version == statuses[-1].parameters_version

@@ -36,6 +36,19 @@ def test_a_link_in_the_place_of_a_hidden_name_leads_nowhere(tmp_path: Path) -> N
     assert elsewhere.read_bytes() == b"of somebody else"
 
 
+@pytest.mark.parametrize("leads_to", ["file", "nothing"])
+def test_a_link_stays_and_what_it_leads_to_is_replaced(tmp_path: Path, leads_to: str) -> None:
+    on_another_disk, path = tmp_path / "disk" / "a.json", tmp_path / "a.json"
+    on_another_disk.parent.mkdir()
+    if leads_to == "file":
+        on_another_disk.write_bytes(b"old")
+    path.symlink_to("disk/a.json")
+    write_atomically(path, b"new")
+    assert path.is_symlink()
+    assert on_another_disk.read_bytes() == b"new"
+    assert [one.name for one in on_another_disk.parent.iterdir()] == ["a.json"]
+
+
 def test_a_folder_that_a_killed_export_left_is_removed_by_the_next(tmp_path: Path) -> None:
     left = tmp_path / ".out.partial-1"
     left.mkdir()

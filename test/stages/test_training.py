@@ -19,10 +19,12 @@ from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.information.model_version import model_version
 from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
+from contact_curation.learning.evaluation.evaluation import EvaluationConfig
 from contact_curation.learning.training.plan import first_model
 from contact_curation.learning.training.progress import TrainingState
 from contact_curation.learning.training.protocols import ROUND_TRIMMED, TrainingConfig, budgeted, exact
 from contact_curation.learning.training.training import Training
+from contact_curation.learning.uncertainty.more_throws import more_throws
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.learned_model import load_model
@@ -263,6 +265,28 @@ def test_an_exact_round_ends_at_once_and_neither_the_rounds_before_nor_a_kill_ch
     assert alone.progress.training_loss < 0.1
     assert numbers_of(begun[0].model) == numbers_of(untrained())
     assert numbers_of(alone.model) == numbers_of(after.model) == numbers_of(killed.model)
+
+
+@pytest.mark.parametrize("judges", [0, 2])
+def test_rounds_that_end_at_the_optimum_tell_how_far_more_throws_would_change_it(
+    tmp_path: Path, store: TossStore, judges: int
+) -> None:
+    for toss in tosses():
+        store.add(toss)
+    shape, path = ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), tmp_path / "model.safetensors"
+    begin = PolytopeModel(shape, CONTACTNETS_CUBE, Form.RIGID)
+    config, scale = replace(exact(ROUND_TRIMMED), form=Form.RIGID), CONTACTNETS_CUBE.length_scale
+    training = TrainingStage(lambda _: begin, scale, config, ROUNDS, 0, store, path)
+    assert training.more_throws() is None
+    training.follow(chosen(1, 6, *range(6 - judges)))
+    until_idle(training)
+    learned = load_model(path, CONTACTNETS_CUBE)
+    assert learned.at_optimum
+    fitted, judging = sorted(tosses()[: 6 - judges], key=lambda toss: toss.toss_id), tosses()[6 - judges :]
+    expected = more_throws(learned.model, transitions_of(fitted, scale), judging or fitted, EvaluationConfig(config.loss))
+    assert training.more_throws(judging) == expected
+    assert expected is not None
+    assert expected.throws == 6 - judges
 
 
 def test_what_was_stepped_is_not_stepped_again_after_a_kill(tmp_path: Path, store: TossStore) -> None:

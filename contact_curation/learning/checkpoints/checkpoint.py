@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from math import inf, isfinite, nan
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -32,6 +32,20 @@ from contact_curation.motion.transitions import Transitions
 MOMENTS, ORDER, ORIGIN = "moments/", "order", "origin/"
 HISTORY = 1000
 """Evaluations that are kept, the last ones."""
+
+
+class HowTrained(NamedTuple):
+    """How a model was trained, as far as its checkpoint says.
+
+    Attributes:
+        loss: that its training minimised; None where that is not known.
+        shape_known_to: how exactly its training knew the corners beforehand [m]; None where it did not.
+        at_optimum: whether its training ended at the optimum of its tosses.
+    """
+
+    loss: LossConfig | None = None
+    shape_known_to: float | None = None
+    at_optimum: bool = False
 
 
 def checkpoint_bytes(training: Training, notes: dict[str, str] | None = None) -> bytes:
@@ -81,33 +95,26 @@ def training_of_bytes(
     return Training.resumed(model, transitions, held_out, config, memory)
 
 
-def shape_known_to_of_bytes(data: bytes, source: Path | str) -> float | None:
-    """How exactly the training in the bytes of a checkpoint knew the corners [m]; None where it did not, or there is none.
+def how_trained(data: bytes, source: Path | str) -> HowTrained:
+    """How the model in the bytes of a checkpoint was trained; of a model alone nothing is known.
 
     Raises:
-        UnreadableInputError: no such bytes, or no length.
-    """
-    try:
-        found = unpack(data, source).documents.get("training", {"config": {}})["config"].get("shape_known_to")
-        value = None if found is None else float(found)
-    except MALFORMED as error:
-        raise UnreadableInputError(source, f"holds no training ({type(error).__name__}: {error})") from error
-    if value is not None and not (isfinite(value) and value > 0.0):
-        raise UnreadableInputError(source, f"found shape_known_to {value}, expected a positive number of metres")
-    return value
-
-
-def loss_of_bytes(data: bytes, source: Path | str) -> LossConfig | None:
-    """The loss that the training in the bytes of a checkpoint minimised; None where there is no training.
-
-    Raises:
-        UnreadableInputError: no such bytes, or no weights of a loss.
+        UnreadableInputError: no such bytes, no weights of a loss, or no length.
     """
     try:
         training = unpack(data, source).documents.get("training")
-        return None if training is None else _loss_of(training["config"]["loss"])
+        if training is None:
+            return HowTrained()
+        config = training["config"]
+        found = config.get("shape_known_to")
+        known_to = None if found is None else float(found)
+        converged = training["counters"]["state"] == TrainingState.CONVERGED
+        told = HowTrained(_loss_of(config["loss"]), known_to, bool(config.get("exact")) and converged)
     except MALFORMED as error:
         raise UnreadableInputError(source, f"holds no training ({type(error).__name__}: {error})") from error
+    if known_to is not None and not (isfinite(known_to) and known_to > 0.0):
+        raise UnreadableInputError(source, f"found shape_known_to {known_to}, expected a positive number of metres")
+    return told
 
 
 def document_of(config: TrainingConfig) -> dict[str, Any]:

@@ -190,6 +190,11 @@ class Training:
         self.optimizer = Optimizer(self.model, self.config)
         self._take(data)
 
+    @property
+    def at_optimum(self) -> bool:
+        """Whether it has ended at the optimum of its data."""
+        return self.config.exact and self.counters.state is TrainingState.CONVERGED
+
     def trained(self) -> Model:
         """A copy of what counts as the result: the best by held-out loss where training stops early, else the last."""
         return self.model.with_tensors(self.model.tensors() if self.best_tensors is None else self.best_tensors)

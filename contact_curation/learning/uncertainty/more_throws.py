@@ -32,10 +32,12 @@ from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form, parameter_form
 from contact_curation.geometry.quaternions import Array
+from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, predicted_motions
 from contact_curation.learning.evaluation.motion_errors import motion_errors
 from contact_curation.learning.fits.held_fit import HeldFitConfig, weighted_sum
 from contact_curation.learning.fits.polytope_sums import moved, polytope_sums
+from contact_curation.learning.training.training import Training
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions
 
@@ -113,6 +115,23 @@ def more_throws(
     changes = [motion_change(model, moved(model, step), rolled_out, config) for step in steps]
     usual, most = np.quantile(changes, (USUAL, NEARLY_ALL), axis=0, method="higher").tolist()
     return MoreThrows(throws, usual[0], usual[1], most[0], most[1], ())
+
+
+def after_training(training: Training, tosses: Sequence[Toss], seed: int, threads: int = 1) -> MoreThrows | None:
+    """The change by as many throws again; None of a training that did not end at an optimum, or that knew the shape.
+
+    How far the estimate holds where the shape was known was not measured.
+
+    Args:
+        training: that ended.
+        tosses: at least one, whose motions are predicted.
+        seed: of the draws.
+        threads: how many motions are predicted at once.
+    """
+    if not training.at_optimum or training.config.shape_known_to is not None:
+        return None
+    config = EvaluationConfig(training.config.loss, bootstrap=BootstrapConfig(seed=seed), threads=threads)
+    return more_throws(training.trained(), training.data, tosses, config)
 
 
 def toss_pulls(model: PolytopeModel, data: Transitions, config: HeldFitConfig) -> tuple[Array, tuple[str, ...]]:

@@ -42,7 +42,7 @@ def status_message(
     errors: HeldOutErrors,
     stamped: Stamped,
     rests_on: int | None,
-    misfits: Sequence[str] = (),
+    told: Sequence[str] = (),
 ) -> TrainingStatus:
     """The status of the training at a moment.
 
@@ -52,7 +52,7 @@ def status_message(
         errors: errors of the motions that they predict for held-out tosses.
         stamped: stamp and frame of the newest buffer.
         rests_on: revision of the buffer for which nothing is left to train; None while a round is needed.
-        misfits: what the model lacks by the tosses that it learned from, one line each.
+        told: what the model lacks, and how far more throws would change it, one line each.
     """
     progress = moment.progress
     state = STATES[progress.state]
@@ -70,5 +70,5 @@ def status_message(
         position_error=errors.position,
         rotation_error=errors.rotation,
         state=TrainingStatus.WAITING if rests_on is not None and state == TrainingStatus.CONVERGED else state,
-        detail=progress.reason if state == TrainingStatus.FAILED else "; ".join([*lost, *misfits]),
+        detail=progress.reason if state == TrainingStatus.FAILED else "; ".join([*lost, *told]),
     )

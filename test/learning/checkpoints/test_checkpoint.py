@@ -13,16 +13,16 @@ from contact_curation.contact.models.registry import MODELS
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.learning.checkpoints import safetensors_bytes
 from contact_curation.learning.checkpoints.checkpoint import (
+    HowTrained,
     checkpoint_bytes,
     config_of,
-    loss_of_bytes,
-    shape_known_to_of_bytes,
+    how_trained,
     training_of_bytes,
 )
 from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.checkpoints.stored_model import model_bytes, model_of_bytes, notes_of_bytes
 from contact_curation.learning.training.progress import EarlyStop, TrainingState
-from contact_curation.learning.training.protocols import Patience, TrainingConfig, budgeted, published
+from contact_curation.learning.training.protocols import Patience, TrainingConfig, budgeted, exact, published
 from contact_curation.learning.training.training import Training, new_training
 from contact_curation.motion.transitions import Transitions
 from test.contact.cases import CUBE, tracked_transitions
@@ -231,14 +231,14 @@ def test_a_checkpoint_says_how_exactly_its_corners_were_known_as_far_as_it_says_
     for value, expected in ((None, None), (0.001, 0.001)):
         documents = json.loads(json.dumps(packed.documents))
         documents["training"]["config"]["shape_known_to"] = value
-        assert shape_known_to_of_bytes(pack(packed.arrays, documents), "whole") == expected
+        assert how_trained(pack(packed.arrays, documents), "whole").shape_known_to == expected
     del documents["training"]["config"]["shape_known_to"]  # of an earlier version
-    assert shape_known_to_of_bytes(pack(packed.arrays, documents), "earlier") is None
-    assert shape_known_to_of_bytes(model_bytes(training_for().model), "a model alone") is None
+    assert how_trained(pack(packed.arrays, documents), "earlier").shape_known_to is None
+    assert how_trained(model_bytes(training_for().model), "a model alone") == HowTrained()
     for spoilt in (-1.0, "much", [0.001]):
         documents["training"]["config"]["shape_known_to"] = spoilt
         with pytest.raises(UnreadableInputError, match=r"^spoilt: (found shape_known_to -1\.0, expected|holds no training)"):
-            shape_known_to_of_bytes(pack(packed.arrays, documents), "spoilt")
+            how_trained(pack(packed.arrays, documents), "spoilt")
 
 
 @pytest.mark.parametrize("name", ["model/vertices_normal", "moments/vertices_normal/exp_avg", "order"])
@@ -269,15 +269,23 @@ def test_the_published_protocol_resumes_in_the_middle_of_an_epoch() -> None:
     assert bits(resumed) == bits(training)
 
 
+@pytest.mark.parametrize("protocol", [budgeted("polytope"), exact(starts=2)], ids=["budgeted", "exact"])
+def test_a_checkpoint_says_whether_its_training_ended_at_an_optimum(protocol: TrainingConfig) -> None:
+    training = new_training("polytope", CUBE, part(0, 60), None, replace(protocol, steps=3), 3)
+    assert not how_trained(checkpoint_bytes(training), "before").at_optimum
+    while training.progress.state is TrainingState.RUNNING:
+        training.advance(1)
+    assert how_trained(checkpoint_bytes(training), "after").at_optimum is protocol.exact
+
+
 def test_a_training_of_an_earlier_version_had_the_published_weights(whole: bytes) -> None:
     packed = unpack(whole, "whole")
     documents = json.loads(json.dumps(packed.documents))
     assert config_of(documents["training"]["config"]).loss.balanced
-    assert loss_of_bytes(whole, "whole") == config_of(documents["training"]["config"]).loss
+    assert how_trained(whole, "whole").loss == config_of(documents["training"]["config"]).loss
     del documents["training"]["config"]["loss"]["balanced"]
     assert not config_of(documents["training"]["config"]).loss.balanced
-    assert loss_of_bytes(pack(packed.arrays, documents), "earlier") == config_of(documents["training"]["config"]).loss
-    assert loss_of_bytes(model_bytes(training_for().model), "a model alone") is None
+    assert how_trained(pack(packed.arrays, documents), "earlier").loss == config_of(documents["training"]["config"]).loss
     documents["training"]["config"]["loss"]["match"] = -1.0
     with pytest.raises(UnreadableInputError, match=r"^spoilt: holds no training"):
-        loss_of_bytes(pack(packed.arrays, documents), "spoilt")
+        how_trained(pack(packed.arrays, documents), "spoilt")
