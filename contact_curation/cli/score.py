@@ -103,7 +103,8 @@ def run(arguments: argparse.Namespace) -> int:
     stages = stages_of(arguments, {"loss": with_options(LossConfig(), arguments, "cone")})
     inputs = replace(inputs_of(stages, gated=False), as_stored=True)
     tally = Tally()
-    names = parameter_form(theta.geometry, Form.CONTACTNETS).names()
+    names = parameter_form(replace(theta.geometry, restitution=None), Form.CONTACTNETS).names()
+    names += () if theta.geometry.restitution is None else ("height", "restitution")
     with ScoreFileWriter(arguments.out, names) as writer, Progress("scoring", "tosses") as progress:
         tosses = _tosses(arguments.inputs, ReadingConfig(body, inputs), tally)
         for batch in batched(tosses, BATCH):

@@ -1,6 +1,7 @@
 """`score`: the .npz holds what the loss says of every transition, in the order and under the names of the outside contract."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,12 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.contact.evaluation import LOSS_TERMS, Cone, SolveStatus, evaluate
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import LossConfig
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.parameter_form import Form
 from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
+from contact_curation.storage.checkpoint_file import save_model
 from contact_curation.storage.datasets.contactnets import read_contactnets
 from contact_curation.storage.inputs.inputs import InputsConfig, open_inputs
 from test.cli.commands import Cli, write_parameters
@@ -70,6 +74,16 @@ def test_parameter_names_are_in_the_order_of_the_contract(
         *["vertices_normal"] * 24, *["normal"] * 3, *["vertices_tangent"] * 24, *["tangents"] * 6,
     ]  # fmt: skip
     assert (names[4], names[25], names[56]) == ("vertices_normal[1][1]", "normal[1]", "tangents[1][2]")
+
+
+def test_a_theta_with_a_restitution_has_the_scores_of_it_and_of_the_height_too(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    bouncing = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.2)
+    save_model(tmp_path / "theta.safetensors", PolytopeModel(bouncing, CONTACTNETS_CUBE, Form.RIGID))
+    cli("score", golden, "--params", tmp_path / "theta.safetensors", "--out", tmp_path / "s.npz")
+    read, rows = arrays(tmp_path / "s.npz"), transitions_of(tosses_of(golden), CONTACTNETS_CUBE.length_scale)
+    expected = evaluate(bouncing, CONTACTNETS_CUBE, rows.before, rows.after, rows.dt)
+    assert read["parameter_names"].tolist()[57:] == ["height", "restitution"]
+    np.testing.assert_allclose(read["score"], expected.scores, rtol=1e-9, atol=1e-12)
 
 
 def test_a_score_is_half_the_loss_slope_downwards(cli: Cli, golden: Path, tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ GRIPPING = 1.2
 
 DESCRIBE = (
     "; much friction is learned better where it is described: give --friction {0:.1f}, or friction: {0:.1f} in the object's "
-    "file, and train again"
+    "file, and rank and train again"
 )
 
 LOADED, MOVING = 0.3, 0.05

@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.falls import Survey, Throw
+from contact_curation.motion.survey.falls import Rest, Survey, Throw
 
 FLATTEST = np.radians(12.0)
 """A rest further from any described face is none of the described body."""
 
-ON_BOARD = 25
-"""Percentile of the heights of rests that is on the board: up to three throws in four may be caught."""
+AS_HIGH = 0.25
+"""Rests on one kind of face of the board are as high, to this share of the body's reach; bodies that were caught are not."""
 
 FEWEST_FOR_MARKER = 8
 """Rests."""
@@ -117,33 +117,46 @@ def faces(polytope: Polytope) -> tuple[Array, Array]:
     return planes[:, :3], -planes[:, 3]
 
 
-def on_board(survey: Survey, reach: float) -> Survey:
-    """A survey without the rests of bodies that are held, or lie beside the board: far over or under most others.
+def on_board(survey: Survey, polytope: Polytope) -> Survey:
+    """A survey without the rests of bodies that are held, or lie beside the board.
+
+    They are far over or under the height at which most bodies lie on a described face, or at all where none does.
 
     Args:
         survey: of poses of any unit and axes.
-        reach: of the body [m].
+        polytope: of the body [m].
     """
-    heights = np.array([np.nan if one.rest is None else one.rest.position @ survey.up for one in survey.throws])
-    if survey.gravity is None or not np.isfinite(heights).any():
+    rests = [throw.rest for throw in survey.throws if throw.rest is not None]
+    if survey.gravity is None or not rests:
         return survey
-    farthest = 2.0 * reach * float(np.linalg.norm(survey.gravity)) / 9.81
-    away = np.abs(heights - np.nanpercentile(heights, ON_BOARD)) > farthest
-    throws = (replace(one, rest=None) if is_away else one for one, is_away in zip(survey.throws, away, strict=True))
-    return replace(survey, throws=tuple(throws))
+    size = float(np.linalg.norm(polytope.vertices, axis=1).max() * np.linalg.norm(survey.gravity)) / 9.81
+    heights = np.array([rest.position @ survey.up for rest in rests])
+    _, _, flat = _lain_on(rests, faces(polytope)[0], survey.up)
+    ascending = np.sort(heights[flat] if flat.any() else heights)
+    as_high = np.searchsorted(ascending, ascending + AS_HIGH * size, side="right") - np.arange(len(ascending))
+    board = ascending[as_high.argmax()]
+
+    def kept(rest: Rest | None) -> Rest | None:
+        return None if rest is None or abs(rest.position @ survey.up - board) > 2.0 * size else rest
+
+    return replace(survey, throws=tuple(replace(one, rest=kept(one.rest)) for one in survey.throws))
 
 
 def rests_of(throws: Sequence[Throw], polytope: Polytope) -> Rests:
     """The rests on a described face, seen along z."""
     found = [throw.rest for throw in throws if throw.rest is not None]
-    turns = quaternions.to_matrix(np.array([rest.orientation_wxyz for rest in found]).reshape(-1, 4))
     normals, distances = faces(polytope)
-    down = -turns[:, 2, :]  # (K, 3) in the body's frame
-    nearest = np.argmax(down @ normals.T, axis=1)
-    off = np.arccos(np.clip(np.einsum("ki,ki->k", down, normals[nearest]), -1.0, 1.0))
-    flat = off < FLATTEST
+    turns, nearest, flat = _lain_on(found, normals, np.array([0.0, 0.0, 1.0]))
     places = np.array([rest.position for rest in found]).reshape(-1, 3)
     return Rests(turns[flat], places[flat], normals[nearest][flat], distances[nearest][flat])
+
+
+def _lain_on(rests: Sequence[Rest], normals: Array, up: Array) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
+    """Orientations (K, 3, 3) of rests, the face (K,) that each lies on by normals (F, 3), and whether it does (K,)."""
+    turns = quaternions.to_matrix(np.array([rest.orientation_wxyz for rest in rests]).reshape(-1, 4))
+    along = -(up @ turns) @ normals.T  # (K, F), down in the body's frame
+    nearest = np.argmax(along, axis=1)
+    return turns, nearest, along[np.arange(len(rests)), nearest] > np.cos(FLATTEST)
 
 
 def estimate_rests(rests: Rests, scale: float, centre: Array) -> RestEstimate:

@@ -25,6 +25,9 @@ FEWEST_MESSAGES = 2_000
 
 COMMAND = "contact-curation"
 
+MOST_SHOWN = 8
+"""Inputs that the next command names; of more it says INPUTS."""
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -127,7 +130,7 @@ def _next(found: Sequence[Finding], ok: bool, paths: Sequence[str], words: Seque
     mended = bool(faults) and all(one.rig is not None or one.settings for one in faults[:1])
     options = next((one.options for one in faults or found if one.options), ())
     verb = ["rank"] if ok or (mended and not options) else ["check"]
-    shown = [*paths[:3], *(["..."] if len(paths) > 3 else [])]
+    shown = paths if len(paths) <= MOST_SHOWN else ["INPUTS"]
     end = ["--out", "ranked.csv"] if verb == ["rank"] else []
     line = shlex.join([COMMAND, *verb, *shown, *words, *options])
     return " ".join(part for part in (line, settings, shlex.join(end)) if part)

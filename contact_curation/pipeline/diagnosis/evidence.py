@@ -155,8 +155,7 @@ class Evidence:
     @cached_property
     def survey(self) -> Survey:
         """Falls and rests in the poses on the board."""
-        reach = float(np.linalg.norm(self.body.vertices, axis=1).max())
-        return on_board(survey([one for _, one in self.series]), reach)
+        return on_board(survey([one for _, one in self.series]), self.body.polytope)
 
     @cached_property
     def mass_centre(self) -> MassCentre | None:

@@ -149,8 +149,8 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
     watched = _Watched(tosses)
     outcomes = [found.outcome for message in islice(tosses.messages(reader), most_messages) for found in watched.of(message)]
     whole = sum(watched.counted.values()) < most_messages
-    if whole:  # else the motion in progress is cut here, not in the recording
-        outcomes += [found.outcome for found in tosses.rest()]
+    rest = [found.outcome for found in tosses.rest()]  # gives up what waits for the board, too
+    outcomes += rest if whole else []  # the motion in progress is cut here, not in the recording
     series = _series(placed, config)
     bad, why = tosses.bad_poses
     return Recording(

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.falls import survey
+from contact_curation.motion.survey.falls import Flight, Rest, Survey, Throw, survey
+from contact_curation.motion.survey.rests import on_board
 from contact_curation.motion.survey.series import PoseSeries
 
 GRAVITY = 9.81
@@ -29,3 +32,23 @@ def test_bodies_that_a_hand_lets_go_fall_with_gravity(rate: float, noise: float)
     sizes = [float(np.linalg.norm(throw.acceleration)) for throw in found.throws]
     assert np.linalg.norm(found.gravity) == pytest.approx(GRAVITY, rel=0.005)
     assert np.median(sizes) == pytest.approx(GRAVITY, rel=0.005)
+
+
+def at_rest(height: float, tilt: float = 0.0) -> Throw:
+    lying = Rest(0, 1, np.array([0.0, 0.0, height]), quaternions.exp(np.array([tilt, 0.5 * tilt, 0.0])))
+    return Throw((), lying, Flight(0, 0, 1), np.array([0.0, 0.0, -GRAVITY]))
+
+
+@pytest.mark.parametrize("elsewhere", ["caught", "held", "on the floor", "on a shelf"])
+def test_the_board_is_where_most_bodies_rest_equally_high(elsewhere: str) -> None:
+    rng = np.random.default_rng(1)
+    board = 0.05 + rng.uniform(0.0, 0.01, 20)
+    aside, tilt = {
+        "caught": (rng.uniform(0.3, 1.2, 60), 0.0),
+        "held": (np.full(60, 0.5), 0.7),
+        "on the floor": (np.full(15, -0.65), 0.0),
+        "on a shelf": (np.full(15, 0.9), 0.0),
+    }[elsewhere]
+    throws = (*map(at_rest, board), *(at_rest(height, tilt) for height in aside))
+    found = on_board(Survey((), 0.0, np.array([0.0, 0.0, -GRAVITY]), throws, 1.0), box([0.06, 0.06, 0.06]))
+    assert [one.rest is not None for one in found.throws] == [True] * 20 + [False] * len(aside)

@@ -161,7 +161,7 @@ def test_a_friction_that_is_hardly_used_up_is_said_to_be_higher() -> None:
     assert sticking_in_words(data, learned, CUBE, None) == (
         f"friction hardly used up: contacts slide in {100.0 * use.sliding:.0f} % of the frames that move on the board "
         "(expected 60 % at least), so the friction is higher than the 0.55 that is learned; much friction is learned better "
-        "where it is described: give --friction 0.6, or friction: 0.6 in the object's file, and train again"
+        "where it is described: give --friction 0.6, or friction: 0.6 in the object's file, and rank and train again"
     )
     assert sticking_in_words(data, learned, replace(CUBE, friction=0.5), None).endswith("than the 0.55 that is learned")
     assert sticking_in_words(transitions_of(tosses[:7], CUBE.length_scale), learned, CUBE, None) == ""

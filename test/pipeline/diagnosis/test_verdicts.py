@@ -12,6 +12,7 @@ from benchmarks.data.check_faults import FAULTS, Fault, Session, diagnosed, in_m
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
+from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.findings.facts import identifiable
 from contact_curation.pipeline.diagnosis.findings.tosses import HINTS
@@ -73,6 +74,37 @@ def test_the_diagnosis_has_its_five_parts_in_json_and_begins_with_the_verdict(cl
     assert (found["ok"], found["settings"]) == (True, "")
     assert found["next"] == f"contact-curation rank {golden} --out ranked.csv"
     assert cli("check", golden).out.splitlines()[0] == found["verdict"]
+
+
+def test_a_recording_that_is_longer_than_what_is_looked_at_still_lacks_its_board(session: Session, tmp_path: Path) -> None:
+    fault = BY_NAME["no transform"]
+    bag = spoilt_bag(tmp_path / "a.mcap", fault, session)
+    found = diagnose([bag], ReadingConfig(CONTACTNETS_CUBE), most_messages=1)
+    assert any(line.startswith("looked at the first 2000 messages") for line in found.reasons)
+    assert not found.ok
+    assert re.search(fault.verdict, found.verdict), found.verdict
+
+
+def test_of_a_split_bag_read_part_by_part_the_folder_is_asked_for(session: Session, tmp_path: Path) -> None:
+    poses = in_map(session)
+    parts = [replace(session, board=board, published=lambda _: poses) for board in (session.board, None)]
+    paths = [tmp_path / f"rec_{number}.mcap" for number in range(len(parts))]
+    for path, part in zip(paths, parts, strict=True):
+        write(path, part)
+    found = diagnose(paths, ReadingConfig(CONTACTNETS_CUBE))
+    assert found.verdict.startswith("rec_1.mcap")
+    assert found.verdict.endswith("give the folder of a split bag, whose first file alone has /tf_static")
+    assert "--board-frame" not in found.next
+
+
+def test_the_next_command_names_all_inputs_or_none(tmp_path: Path) -> None:
+    bag = write_ours(tmp_path / "a.mcap", recorded("/a", POSE, ON_BOARD))
+    config = ReadingConfig(CONTACTNETS_CUBE)
+    one = read_recording(bag, config, 10000)
+    for count, expected in ((8, " ".join(f"{number}.mcap" for number in range(8))), (9, "INPUTS")):
+        several = tuple(replace(one, path=f"{number}.mcap") for number in range(count))
+        words = concluded(Evidence(config, several)).next.split()
+        assert " ".join(words[2 : 2 + len(expected.split())]) == expected
 
 
 def test_a_recording_that_is_no_bag_is_a_diagnosis_too(cli: Cli, golden: Path, tmp_path: Path) -> None:

@@ -66,6 +66,9 @@ def taken_as_on_board(evidence: Evidence) -> Finding | None:
     found = by_recording(evidence, line)
     if not found:
         return None
+    if any(one.series and not one.taken_as_on_board for one in evidence.recordings):
+        remedy = "others know the board: give the folder of a split bag, whose first file alone has /tf_static"
+        return Finding(Severity.FAULT, of_recordings(evidence, found), remedy)
     remedy = "if they are, say --board-frame ''; else record /tf and /tf_static"
     return Finding(Severity.FAULT, of_recordings(evidence, found), remedy, options=ON_BOARD)
 

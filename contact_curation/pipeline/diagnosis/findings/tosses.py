@@ -46,6 +46,9 @@ SOFT = "bodies at rest lie on the board, so impacts press them into it: a firmer
 DEEPEST, MADE_UP = 0.1, "poses jump, or are made up where the body is not seen: publish nothing there"
 """Share of the body's width that no board gives way by, and the hint for `DEEP` ones that are deeper."""
 
+FALLEN = f"do bodies fall off the board? else {MADE_UP}"
+"""Hint for those that are deeper than the body is wide."""
+
 PAUSE = 0.5
 """[s] A longer gap is no loss of frames in mid-toss."""
 
@@ -76,7 +79,8 @@ def rejected(evidence: Evidence) -> Finding | None:
     what = f"{len(evidence.rejected)} of {len(evidence.outcomes)} motions rejected: {'; '.join(parts)}"
     hint = HINTS.get(first, "")
     if first in DEEP and evidence.rests_on_board:
-        hint = MADE_UP if _depth(first, reasons[first]) > DEEPEST * np.ptp(evidence.body.vertices, axis=0).max() else SOFT
+        widths = _depth(first, reasons[first]) / np.ptp(evidence.body.vertices, axis=0).max()
+        hint = FALLEN if widths > 1.0 else MADE_UP if widths > DEEPEST else SOFT
     if not evidence.mostly_rejected:
         alike = sum(count for name, count in counts.items() if HINTS.get(name) == HINTS.get(first))
         return Finding(Severity.FACT, what, hint if alike >= MANY * len(evidence.outcomes) else "")
