@@ -13,7 +13,7 @@ half judge, and fits begin at the shape as described, for a plane says nothing o
 above the table: a body that stays where it was released, and one that lies where it ends from the start. Told is the
 restitution that `train` names where a rigid form is fitted without one.
 
-    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds differences]
+    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds motions]
         [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]
 """
 
@@ -41,6 +41,7 @@ from contact_curation.learning.evaluation.evaluation import EvaluationConfig, ev
 from contact_curation.learning.evaluation.rebounds import rebound_of, rebounds
 from contact_curation.learning.evaluation.without_model import plain_errors
 from contact_curation.learning.fits.held_fit import fit_held
+from contact_curation.learning.fits.restitution_by_motions import restitution_by_motions
 from contact_curation.learning.uncertainty.bounce import bounce_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
@@ -54,9 +55,10 @@ ARMS = {
     "bounce-merged": (Form.RIGID, True, True),
     "rebounds": (Form.RIGID, True, True),
     "differences": (Form.RIGID, True, True),
+    "motions": (Form.RIGID, True, True),
 }
-"""The form, whether a restitution is learned, and whether impacts are merged. By the last two its prior is what first impacts
-show, as in `train`, and velocities are plain differences by the last."""
+"""The form, whether a restitution is learned, and whether impacts are merged. By the last three its prior is what first impacts
+show; velocities are plain differences by `differences`, and `motions` correct it, as in `train`."""
 
 ALL = 0
 
@@ -75,7 +77,8 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     """The optimum of tosses."""
     form, bounces, merges = ARMS[arm]
     data = transitions_of(tosses, body.length_scale)
-    seen = rebound_of(data, body) if arm in ("rebounds", "differences") else None
+    seen = rebound_of(data, body) if arm in ("rebounds", "differences", "motions") else None
+    successive = data
     data = by_differences(data) if arm == "differences" else data
     data = merged_impacts(data, body) if merges else data
     pivot = np.array([*data.before[:, :2].mean(axis=0), 0.0])
@@ -87,7 +90,12 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
     config = replace(FIT, renewals=3)
     if seen is not None:
         start, config = replace(start, restitution=seen.restitution), replace(config, restitution_spread=seen.error)
-    return fit_held(PolytopeModel(start, body, form), data, config).model
+    origin = PolytopeModel(start, body, form)
+    model = fit_held(origin, data, config).model
+    if arm != "motions":
+        return model
+    chosen = model.bouncing(restitution_by_motions(model, successive, ONE_THREAD))
+    return fit_held(chosen, data, replace(config, restitution_held=True), origin).model
 
 
 def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:

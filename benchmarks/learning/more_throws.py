@@ -31,7 +31,6 @@ from contact_curation.experiments.cell_run import ONE_THREAD, Bench, select
 from contact_curation.experiments.rules import OURS, RULES
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig
-from contact_curation.learning.evaluation.rebounds import rebound_of
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
 from contact_curation.learning.training.protocols import ROUND_TRIMMED
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
@@ -79,9 +78,8 @@ def data_of(tosses: Sequence[Toss], start: PolytopeModel) -> Transitions:
 
 def fitted(tosses: Sequence[Toss], start: PolytopeModel, trimmed: float) -> PolytopeModel:
     """The optimum of some tosses."""
-    bounces = start.geometry().restitution is not None
-    rebound = rebound_of(transitions_of(tosses, start.body.length_scale), start.body) if bounces else None
-    return optimum(start, data_of(tosses, start), ONE_THREAD, trimmed, rebound=rebound).model
+    seen = transitions_of(tosses, start.body.length_scale)
+    return optimum(start, data_of(tosses, start), ONE_THREAD, trimmed, seen=seen).model
 
 
 def selected(tosses: Sequence[Toss], start: PolytopeModel, size: int) -> tuple[Toss, ...]:

@@ -34,7 +34,6 @@ from contact_curation.experiments.cell_run import ONE_THREAD, Bench
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.misfit import sliding_of
-from contact_curation.learning.evaluation.rebounds import rebound_of
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
 from contact_curation.learning.fits.held_fit import HeldSum
 from contact_curation.learning.training.protocols import USUAL_STARTS
@@ -70,8 +69,7 @@ def fitted(bench: Bench, tosses: Sequence[Toss], seed: int, arm: str, loss: Loss
     data = as_described(seen, start.geometry(), bench.body)
     slid = sliding_of(tosses, bench.body) if arm == SLID else None
     if slid is None:
-        rebound = rebound_of(seen, bench.body) if arm == BOUNCING else None
-        return optimum(start, data, loss, 0.0, USUAL_STARTS, rebound).model
+        return optimum(start, data, loss, 0.0, USUAL_STARTS, seen if arm == BOUNCING else None).model
     with observed(slid):
         there = replace(start.geometry(), tangents=slid.median * np.eye(2, 3))
         return optimum(PolytopeModel(there, bench.body, Form.RIGID), data, loss, 0.0, USUAL_STARTS).model

@@ -270,6 +270,7 @@ def test_the_tables_of_bodies_that_bounce_are_medians_of_their_rows() -> None:
     found, counted = rows("bounce"), 0
     fits = {"two sets": "two sets", "one set, noise learned": "plain", "and restitution, merged": "bounce-merged"}
     fits |= {"the same, with rebounds": "rebounds", "with rebounds, plain differences": "differences"}
+    fits |= {"with rebounds, corrected by motions": "motions"}
     columns = {
         "cube": ("position", "rotation", "penetration", "vertices", "friction", "restitution"),
         "square": ("position", "rotation", "friction", "restitution"),

@@ -140,15 +140,17 @@ class PolytopeModel(ContactModel):
         """The same model in the rigid form with another noise."""
         return PolytopeModel(replace(self.geometry(), noise=noise), self.body, Form.RIGID)
 
-    def bouncing(self) -> "PolytopeModel":
-        """The same model, with a restitution to be learned.
+    def bouncing(self, restitution: float | None = None) -> "PolytopeModel":
+        """The same model with this restitution; by default its own, or one to begin with.
 
         Raises:
             InvalidValueError: it is not in the rigid form.
         """
-        if self._restitution is not None:
-            return self
-        return PolytopeModel(replace(self.geometry(), restitution=INITIAL_RESTITUTION), self.body, self.form)
+        if restitution is None:
+            if self._restitution is not None:
+                return self
+            restitution = INITIAL_RESTITUTION
+        return PolytopeModel(replace(self.geometry(), restitution=restitution), self.body, self.form)
 
     def batch_loss(self, rows: Rows, config: LossConfig) -> BatchLoss:
         theta = self.theta()

@@ -6,6 +6,7 @@ certificate has no loss and is counted, and so is a step of the rollout that rea
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ from contact_curation.learning.evaluation.motion_errors import MotionErrors, mot
 from contact_curation.learning.evaluation.shape_errors import ShapeErrors
 from contact_curation.learning.evaluation.shape_errors import shape_errors as shape_errors
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import periods_of, states_of, transitions_of
+from contact_curation.motion.transitions import Transitions, periods_of, states_of, transitions_of
 
 PIECE = 1024
 """Transitions whose loss is taken at a time, so that networks need little memory."""
@@ -112,10 +113,25 @@ def predicted_motions(model: Model, tosses: Sequence[Toss], config: EvaluationCo
         if toss.body != model.body.name:
             raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, model.body.name)
     states = [states_of(toss, model.body.length_scale) for toss in tosses]
-    frames = [periods_of(toss) for toss in tosses]
+    return _predicted(model, states, [periods_of(toss) for toss in tosses], [toss.frame_period for toss in tosses], config)
+
+
+def motions_of(model: Model, data: Transitions, config: EvaluationConfig) -> PredictedMotions:
+    """Rolls a model out along every toss of transitions between successive frames."""
+    spans = [slice(*each) for each in pairwise(data.starts.tolist())]
+    states = [np.concatenate([data.before[span], data.after[span][-1:]]) for span in spans]
+    periods = [float(data.dt[span].min()) for span in spans]
+    steps = [np.rint(data.dt[span] / period).astype(np.int64) for span, period in zip(spans, periods, strict=True)]
+    return _predicted(model, states, [np.concatenate([[0], np.cumsum(each)]) for each in steps], periods, config)
+
+
+def _predicted(
+    model: Model, states: list[Array], frames: list[NDArray[np.int64]], periods: list[float], config: EvaluationConfig
+) -> PredictedMotions:
+    """Along K tosses, of states (T, 13) at so many frame periods (T,) from the first, of so long each [s]."""
     counts = np.array([each[-1] + 1 for each in frames])
-    periods = np.array([toss.frame_period for toss in tosses])
-    rolled = model.roll_out(np.stack([each[0] for each in states]), counts, periods, config.sweeps, config.threads)
+    first = np.stack([each[0] for each in states])
+    rolled = model.roll_out(first, counts, np.array(periods), config.sweeps, config.threads)
     if sum(len(each) for each in frames) < len(rolled.states):
         rolled = _seen(rolled, frames)
     measured = np.concatenate(states)

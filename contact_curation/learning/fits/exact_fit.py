@@ -8,7 +8,8 @@ The sum has several minima, most of all for bodies that are no boxes: a vertex i
 So a fit may start several times: at theta_0, at the body as described, and at this body with perturbed vertices. All starts
 have one sum, with equal variances; the fit goes on from the lowest minimum. The prior's mean stays theta_0.
 
-Where theta has a restitution, what first impacts show of it may stand in the prior in place of theta_0's.
+Where theta has a restitution, what first impacts show of it may stand in the prior in place of theta_0's; the restitution is
+then corrected by motions (restitution_by_motions.py), and the fit repeated with it.
 
 A share of the transitions, those that are explained worst, may be left out: least trimmed squares (Rousseeuw 1984; with
 concentration steps, Rousseeuw and Van Driessen 2006), with losses for squares. The fit is repeated until the same transitions
@@ -32,8 +33,9 @@ from contact_curation.contact.models.model import Model, Rows
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
-from contact_curation.learning.evaluation.rebounds import Rebound
+from contact_curation.learning.evaluation.rebounds import Rebound, rebound_of
 from contact_curation.learning.fits.held_fit import HeldFit, HeldFitConfig, fit_held
+from contact_curation.learning.fits.restitution_by_motions import restitution_by_motions
 from contact_curation.motion.transitions import Transitions
 
 CONCENTRATIONS = 4
@@ -78,7 +80,7 @@ def optimum(
     loss: LossConfig,
     trimmed: float,
     starts: int = 1,
-    rebound: Rebound | None = None,
+    seen: Transitions | None = None,
     shape: float | None = None,
 ) -> Optimum:
     """Fits a polytope to tosses, starting at `theta_0`, and elsewhere.
@@ -89,14 +91,23 @@ def optimum(
         loss: weights and solver of the loss.
         trimmed: share of the transitions that is left out, from 0 to less than 1.
         starts: how many starts, at least 1.
-        rebound: what first impacts show of the restitution, where theta has one: its prior, in place of that of theta_0.
+        seen: transitions between successive frames of the same tosses, where theta has a restitution: what first impacts show
+            of it is its prior, in place of that of theta_0, and motions correct it (restitution_by_motions.py). None for
+            neither.
         shape: standard deviation of what is known of the vertices of theta_0 [characteristic lengths]; None for the spread of
             the published initialisation.
     """
+    bounces = seen is not None and start.geometry().restitution is not None
+    rebound = rebound_of(seen, start.body) if seen is not None and bounces else None
     start, config = with_rebound(start, HeldFitConfig(loss=loss, shape=shape), rebound)
     with np.errstate(all="ignore"):  # `Optimum.finite` reports numbers that are not finite
         found = fit_held(start, data, config) if starts == 1 else _from_lowest(start, data, config, starts)
         steps, kept = found.steps, np.ones(len(data.dt), dtype=bool)
+        if seen is not None and bounces:
+            chosen = found.model.bouncing(restitution_by_motions(found.model, seen, loss))
+            config = replace(config, restitution_held=True)
+            found = fit_held(chosen, data, config, origin=start)
+            steps += found.steps
         for _ in range(CONCENTRATIONS if trimmed else 0):
             before, kept = kept, _explained(found.model, data, loss, trimmed)
             if (kept == before).all():

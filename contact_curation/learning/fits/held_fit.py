@@ -71,6 +71,7 @@ class HeldFitConfig:
         largest_damping: as in `DescentLimits`.
         renewals: how often the noise of the rigid form is learned and the fit repeated; with 0 all residuals have one variance.
         restitution_spread: standard deviation of what is known of a restitution beforehand.
+        restitution_held: whether a restitution stays as it is at the start.
     """
 
     loss: LossConfig = field(default_factory=lambda: DEFAULT_LOSS)
@@ -85,6 +86,7 @@ class HeldFitConfig:
     largest_damping: float = 1e6
     renewals: int = 2
     restitution_spread: float = RESTITUTION_SPREAD
+    restitution_held: bool = False
     shape: float | None = None
 
     def __post_init__(self) -> None:
@@ -136,7 +138,9 @@ def fit_held(
         last = number == len(stages) - 1
         tolerance = config.tolerance if last else config.early_tolerance
         damping = config.damping[0 if number == 0 and origin is None else 1]
-        held = HeldSum(data, counts, config, (origin or start).geometry(), noise, np.ones(len(data.dt)))
+        held = HeldSum(
+            data, counts, config, (origin or start).geometry(), noise, np.ones(len(data.dt)), config.restitution_held
+        )
         limits = DescentLimits(tolerance, config.steps, damping, config.largest_damping)
         found = descend(model, held.iterate, limits)
         model, steps = found.iterate.model, steps + found.steps

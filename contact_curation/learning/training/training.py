@@ -24,7 +24,6 @@ from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
-from contact_curation.learning.evaluation.rebounds import rebound_of
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
 from contact_curation.learning.training.data import Batches, checked, digest_of, rows_of, transition_name
 from contact_curation.learning.training.objective import (
@@ -202,7 +201,7 @@ class Training:
     def _take(self, data: Transitions) -> None:
         self._data = self._described(checked(data))
         bounces = self._origin is not None and self._origin.geometry().restitution is not None
-        self._rebound = rebound_of(data, self.model.body) if bounces else None
+        self._seen = data if bounces else None
         self._batches = Batches(len(self._data.dt), self.config.batch, self._generator)
         self._single = SingleSteps.of(self.model, self._data, self.config, self.optimizer)
 
@@ -262,7 +261,7 @@ class Training:
         config = self.config
         shape = config.shape_of(origin.body)
         found = None if failure else optimum(
-            origin, self._data, config.loss, config.trimmed, config.starts, self._rebound, shape
+            origin, self._data, config.loss, config.trimmed, config.starts, self._seen, shape
         )  # fmt: skip
         if found is None or not found.finite:
             self._end(TrainingState.FAILED, failure or "the sum that the fit minimises is not finite")

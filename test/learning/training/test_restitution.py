@@ -16,8 +16,9 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.learning.checkpoints.checkpoint import checkpoint_bytes, training_of_bytes
 from contact_curation.learning.checkpoints.safetensors_bytes import pack, unpack
 from contact_curation.learning.evaluation.rebounds import Rebound, rebound_of
+from contact_curation.learning.fits import exact_fit
 from contact_curation.learning.fits.refits import subset
-from contact_curation.learning.training import training as training_module
+from contact_curation.learning.fits.restitution_by_motions import FEWEST, STEP, restitution_by_motions
 from contact_curation.learning.training.protocols import budgeted, exact
 from contact_curation.learning.training.training import Training
 from contact_curation.motion.transitions import Transitions
@@ -72,10 +73,27 @@ def test_of_few_motions_it_is_learned_with_everything_else(bounced: Transitions)
 
 
 def test_what_first_impacts_show_is_its_prior(bounced: Transitions, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(training_module, "rebound_of", lambda *_: Rebound(0.6, 1e-4))
+    monkeypatch.setattr(exact_fit, "restitution_by_motions", lambda model, *_: restitution(model))
+    monkeypatch.setattr(exact_fit, "rebound_of", lambda *_: Rebound(0.6, 1e-4))
     assert restitution(training_of(bounced).trained()) == pytest.approx(0.6, abs=0.01)
-    monkeypatch.setattr(training_module, "rebound_of", lambda *_: Rebound(0.6, 10.0))
+    monkeypatch.setattr(exact_fit, "rebound_of", lambda *_: Rebound(0.6, 10.0))
     assert restitution(training_of(bounced).trained()) == pytest.approx(E, abs=0.05)
+
+
+def test_motions_choose_it_where_transitions_mislead(bounced: Transitions, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(exact_fit, "rebound_of", lambda *_: Rebound(0.6, 1e-4))
+    assert restitution(training_of(bounced).trained()) == pytest.approx(E, abs=STEP)
+
+
+def test_motions_that_do_not_tell_leave_it(bounced: Transitions) -> None:
+    geometry = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.62)
+    model, loss = PolytopeModel(geometry, CONTACTNETS_CUBE, Form.RIGID), LossConfig(threads=1)
+    in_the_air = np.concatenate([start + np.arange(3) for start in bounced.starts[:-1]])
+    before, after, dt = (values[in_the_air] for values in (bounced.before, bounced.after, bounced.dt))
+    falls = Transitions(bounced.toss_ids, before, after, dt, 3 * np.arange(9))
+    few, _ = subset(bounced, np.arange(FEWEST - 1))
+    assert restitution_by_motions(model, falls, loss) == restitution_by_motions(model, few, loss) == 0.62
+    assert restitution_by_motions(model, bounced, loss) == pytest.approx(E, abs=STEP)
 
 
 def test_frames_too_far_apart_to_see_a_rebound_give_none(bounced: Transitions) -> None:
