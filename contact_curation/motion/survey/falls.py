@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.series import SPAN, LocalFits, PoseSeries, local_fits, noise_of
+from contact_curation.motion.survey.series import SPAN, LocalFits, PoseSeries, local_fits, noise_of, turn_noise_of
 
 NEAR = 0.08
 """Share of its length: windows whose accelerations differ by less have the same one."""
@@ -42,7 +42,7 @@ TOGETHER = 0.6
 LONGEST_FALL = 1.5
 """[s] Nothing that is thrown by hand or arm is longer in the air."""
 
-LONGEST_SETTLING = 3.0
+LONGEST_SETTLING = 5.0
 """A rest begins at most so long after the last flight [s]."""
 
 STILL = 0.003
@@ -59,6 +59,9 @@ FEWEST_FLIGHTS = 4
 
 REST_FRAMES = 30
 """At most, over which a pose at rest is averaged."""
+
+DWELL, TURNING = 0.25, np.radians(0.5)
+"""[s, rad] A body at rest turns by less for so long, or by what noise makes of it; one that rocks stops at turning points."""
 
 
 class Flight(NamedTuple):
@@ -327,15 +330,23 @@ def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Arra
     inside = _windows(fit, start, min(end, int(latest)))
     speeds, pulls = (np.linalg.norm(each[inside], axis=1) for each in (fit.velocities, fit.accelerations))
     places = fit.first[inside][(speeds < max(STILL * length, slow)) & (pulls < max(0.1 * length, pulled))]
+    turning, dwell = SCATTERED * turn_noise_of(series), round(DWELL / series.period)
     for part in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
         at_the_end = len(part) > 0 and part[-1] + 1 not in fit.first  # recordings are cut as soon as the body is still
-        if len(part) >= STILL_WINDOWS or at_the_end:
-            first, stop = int(part[0]), int(min(part[-1] + fit.frames, part[0] + REST_FRAMES))
-            turns = series.orientations_wxyz[first:stop]
-            mean = (turns * np.where(turns @ turns[0] < 0.0, -1.0, 1.0)[:, np.newaxis]).mean(axis=0)
-            position = np.median(series.positions[first:stop], axis=0)
-            return Rest(first, stop, position, quaternions.normalized(mean))
+        for first in part if at_the_end else part[: 1 - STILL_WINDOWS]:
+            stop = int(min(part[-1] + fit.frames, first + REST_FRAMES))
+            turns = series.orientations_wxyz[first : max(min(first + dwell, end), stop)]
+            turns = turns * np.where(turns @ turns[0] < 0.0, -1.0, 1.0)[:, np.newaxis]
+            if _turned(turns) < max(TURNING, turning * np.sqrt(6.0 / len(turns))):
+                position = np.median(series.positions[first:stop], axis=0)
+                return Rest(int(first), stop, position, quaternions.normalized(turns[: stop - first].mean(axis=0)))
     return None
+
+
+def _turned(turns: Array) -> float:
+    """By how much the first, the middle and the last third of some orientations (n, 4) differ at most [rad]."""
+    first, middle, last = (np.median(part, axis=0) for part in np.array_split(turns, 3))
+    return 2.0 * max(float(np.linalg.norm(one - other)) for one, other in ((first, middle), (middle, last), (first, last)))
 
 
 def _windows(fit: LocalFits, first: int, stop: int) -> slice:

@@ -153,10 +153,21 @@ def local_fits(series: PoseSeries) -> LocalFits:
 
 def noise_of(series: PoseSeries) -> float:
     """Standard deviation of a position per axis from frame to frame, by third differences other than 0; 0 if unknown."""
+    return _noise(series, series.positions)
+
+
+def turn_noise_of(series: PoseSeries) -> float:
+    """The same of an orientation, about each axis [rad]; in whatever order its numbers are."""
+    turns = series.orientations_wxyz
+    flips = np.where((turns[1:] * turns[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)  # q and -q are one rotation
+    return 2.0 * _noise(series, turns * np.cumprod(np.append(1.0, flips))[: len(turns), np.newaxis])
+
+
+def _noise(series: PoseSeries, rows: Array) -> float:
     if len(series) < 8:
         return 0.0
     even = np.abs(series.steps - series.period) < 0.2 * series.period
-    bent = np.abs(np.diff(series.positions, n=3, axis=0))[even[2:] & even[1:-1] & even[:-2]]
+    bent = np.abs(np.diff(rows, n=3, axis=0))[even[2:] & even[1:-1] & even[:-2]]
     bent = bent[bent > 0.0]
     return float(np.median(bent)) / THIRD_DIFFERENCE if bent.size else 0.0
 

@@ -1,4 +1,4 @@
-"""The acceleration that bodies fall with is not that of a hand, which holds them in the frames before."""
+"""Bodies fall with gravity, whatever a hand did in the frames before, and rest where they neither move nor turn."""
 
 import numpy as np
 import pytest
@@ -52,3 +52,30 @@ def test_the_board_is_where_most_bodies_rest_equally_high(elsewhere: str) -> Non
     throws = (*map(at_rest, board), *(at_rest(height, tilt) for height in aside))
     found = on_board(Survey((), 0.0, np.array([0.0, 0.0, -GRAVITY]), throws, 1.0), box([0.06, 0.06, 0.06]))
     assert [one.rest is not None for one in found.throws] == [True] * 20 + [False] * len(aside)
+
+
+ROCKING, PERIOD, CYCLES, RADIUS = np.radians(9.0), 1.0, 1.25, 0.045
+"""[rad, s, 1, m] A disk with many edges rolls to and fro on them, slowly."""
+
+
+def rocking(rate: float, noise: float, rng: np.random.Generator) -> PoseSeries:
+    """A released body that rocks where it lands, and then lies upright."""
+    fallen = released(rate, noise, rng)
+    times = np.arange(round(3.0 * rate)) / rate
+    turned = np.where(times < CYCLES * PERIOD, ROCKING * np.cos(2.0 * np.pi * times / PERIOD), 0.0)
+    stop = round(0.55 * rate)
+    turns = quaternions.exp(np.concatenate([np.zeros((stop, 3)), np.outer(turned, [0.0, 1.0, 0.0])]))
+    rolled = fallen.positions[stop] + np.outer(RADIUS * (turned - turned[0]), [1.0, 0.0, 0.0])
+    places = np.concatenate([fallen.positions[:stop], rolled + noise * rng.standard_normal(rolled.shape)])
+    turns = quaternions.multiply(quaternions.exp(10.0 * noise * rng.standard_normal(places.shape)), turns)
+    return PoseSeries(np.rint(1e9 * np.arange(len(places)) / rate).astype(np.int64), places, turns)
+
+
+@pytest.mark.parametrize(("rate", "noise"), [(60.0, 2e-4), (120.0, 2e-5), (120.0, 2e-4), (500.0, 1e-4)])
+def test_a_turning_point_of_a_body_that_rocks_is_no_rest(rate: float, noise: float) -> None:
+    rng = np.random.default_rng(0)
+    throws = survey([rocking(rate, noise, rng) for _ in range(20)]).throws
+    rests = np.array([throw.rest.orientation_wxyz for throw in throws if throw.rest is not None])
+    off = np.degrees(2.0 * np.arccos(np.clip(np.abs(rests[:, 0]), 0.0, 1.0)))
+    assert len(rests) == 20
+    assert off.max() < 1.0
