@@ -122,7 +122,8 @@ class StampEvener:
         child: the body's frame, for reports.
 
     Attributes:
-        counts: how many stamps were "evened", and left out since each is not later than the last ("stamp").
+        counts: how many stamps were "evened", moved by `LEAST_SAID` or more, and left out since each is not later than the
+            last ("stamp").
         rate: at which they were evened last [Hz]; 0 where none were. No part of the state.
     """
 
@@ -294,9 +295,14 @@ class StampEvener:
         self._period, self._unsteady = known, unsteady
         return False
 
+    @property
+    def _none_off(self) -> bool:
+        """Whether frames were missing before the poses that wait, and no stamp is off."""
+        return self._line is not None and not self._line.time and len(self._held) <= self._calm
+
     def _followed(self, line: _Line) -> list[BodyPose | BadPose]:
         """The poses that enough others have come after; all, where the stream goes on evenly."""
-        if LOOK < len(self._held) <= self._calm and not line.time:  # frames were missing, and no stamp is off
+        if self._none_off and (len(self._held) > LOOK or self._holds(AHEAD)):
             return self._pass(self._as_they_are())
         if self._calm >= CALM:
             return self._pass(self._ended())
@@ -331,16 +337,17 @@ class StampEvener:
         first = self._held.popleft()
         if self._score < DECIDED:
             return [self._given(first, first.stamp_ns)]
-        self.counts["evened"] += 1
-        self._delays.append(delays[0])
+        stamp_ns = line.origin_ns + round(line.time)
+        self.counts["evened"] += abs(first.stamp_ns - stamp_ns) >= LEAST_SAID * NANOSECONDS
+        self._delays.append(first.stamp_ns - stamp_ns)
         self.rate = NANOSECONDS / line.step
-        return [self._given(first, line.origin_ns + round(line.time))]
+        return [self._given(first, stamp_ns)]
 
     def _ended(self) -> list[BodyPose | BadPose]:
         """All that wait, as far as is known of them."""
         if self._line is None and len(self._held) >= FEWEST and not self._begins_evenly():
             self._line = _line_through(self._held, self._period)
-        given: list[BodyPose | BadPose] = []
+        given = self._as_they_are() if self._none_off else []
         while self._line is not None and self._held:
             given += self._next(self._line, ahead=False)
         given += self._as_they_are()

@@ -128,13 +128,25 @@ def test_even_stamps_wait_for_nothing_once_the_stream_has_begun() -> None:
     assert set(given[20:]) == {1}
 
 
-@pytest.mark.parametrize("missing", [1, 3])
-def test_frames_missing_in_an_even_stream_change_no_stamp(missing: int) -> None:
-    poses = throws(148.0, 1)
-    poses = [*poses[:120], *poses[120 + missing :]]
+@pytest.mark.parametrize("rate", [50.0, 148.0])
+@pytest.mark.parametrize("missing", [(1,), (3,), (9,), (9, 5), (9, 70), (5, 9, 17)])
+def test_frames_missing_in_an_even_stream_change_no_stamp(rate: float, missing: tuple[int, ...]) -> None:
+    """A body may be hidden again soon, and for longer than a pause."""
+    poses, at = throws(rate, 2), 40
+    for frames in missing:
+        poses, at = [*poses[:at], *poses[at + frames :]], at + 10
     evener = StampEvener("cube")
     assert [one.stamp_ns for one in evened(poses, evener)] == [one.stamp_ns for one in poses]
-    assert evener.counts["evened"] == 0
+    assert (evener.done, evener.counts["evened"]) == ("", 0)
+
+
+def test_what_is_said_of_jitter_amid_missing_frames_is_what_was_moved() -> None:
+    poses = [one for k, one in enumerate(throws(148.0)) if k % 266 not in range(150, 159)]
+    late = stamped(poses, normal)
+    evener = StampEvener("cube")
+    given = evened(late, evener)
+    moved = np.array([one.stamp_ns - new.stamp_ns for one, new in zip(late, given, strict=True)])
+    assert evener.scatter == pytest.approx(1e-9 * float(moved[moved != 0].std()), rel=0.05)
 
 
 @pytest.mark.parametrize("delays", [slight, uniform])
