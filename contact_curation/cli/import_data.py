@@ -1,7 +1,7 @@
 """`import contactnets DIR` and `import poses FILE...`: write other data as the bag that a rig would have recorded."""
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -130,12 +130,21 @@ def run_poses(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print_json({"out": str(arguments.out), **asdict(report)})
     else:
-        moved = f"; times of {counted(report.moved, 'recording')} moved" if report.moved else ""
         print(
             f"{arguments.out}: {counted(report.recordings, 'recording')}, {report.poses} poses in {report.seconds:.1f} s "
-            f"({(report.poses - report.recordings) / max(report.seconds, 1e-9):.4g} Hz){moved}"
+            f"({report.rate:.4g} Hz){_moved(report.moved_by, report.recordings)}"
         )
     return 0
+
+
+def _moved(by: Sequence[float], recordings: int) -> str:
+    """By how much the times of recordings were moved [s], and why."""
+    if not by:
+        return ""
+    least, most = (f"{round(one(by), 3):.12g}" for one in (min, max))
+    spans = least if least == most else f"{least} to {most}"
+    why = "they began at 0" if recordings == 1 else "they began at 0, or before the recording before them ended"
+    return f"; times of {counted(len(by), 'recording')} moved by {spans} s: {why}"
 
 
 def _chosen(spec: str) -> Callable[[int], bool]:

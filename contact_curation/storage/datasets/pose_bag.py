@@ -7,14 +7,17 @@ Poses are turned so that z points up, and not corrected otherwise: `check` says 
 times, and which settings correct it.
 """
 
+from array import array
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import cos, pi, sin
 from pathlib import Path
+from statistics import median
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose
+from contact_curation.motion.survey.series import WIDEST_STEP
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.datasets.orientations import UNTOLD, AngleConvention
@@ -44,7 +47,9 @@ class PosesReport:
         recordings: number of recordings, one behind the other: files, and parts of one in which times begin again.
         poses: number of poses.
         seconds: that they take, without the times between recordings.
+        rate: at which poses follow each other where none is missing [Hz]; 0 where there are too few.
         moved: number of recordings whose times were moved: they begin at 0, or before the recording before them ends.
+        moved_by: by how much those were moved, each [s].
         left_out: for each recording with rows that are no poses, a line that says how many, and why the first of them.
         unnamed: recordings whose columns have no names.
         assumed: for each recording whose columns' names do not say all, a line that says how they were taken.
@@ -53,7 +58,9 @@ class PosesReport:
     recordings: int
     poses: int
     seconds: float
+    rate: float
     moved: int
+    moved_by: tuple[float, ...]
     left_out: tuple[str, ...]
     unnamed: tuple[str, ...]
     assumed: tuple[str, ...]
@@ -104,7 +111,8 @@ def import_poses(
             advance(done / len(tables))
     unnamed = tuple(str(table.path) for table in tables if not table.named)
     assumed = tuple(f"{table.path}: {table.assumed}" for table in tables if table.assumed)
-    return PosesReport(writer.recordings, writer.poses, writer.seconds, writer.moved, tuple(left_out), unnamed, assumed)
+    moved = len(writer.moved_by), tuple(writer.moved_by)
+    return PosesReport(writer.recordings, writer.poses, writer.seconds, writer.rate, *moved, tuple(left_out), unnamed, assumed)
 
 
 class PoseWriter:
@@ -115,12 +123,20 @@ class PoseWriter:
         self._bag, self._topic = bag, f"/tagslam/odom/body_{body.name}"
         self._messages, self._last_ns = RigMessages(rig, f"body_{body.name}"), 0
         self._upright = UPRIGHT[up]
-        self.poses, self.recordings, self.moved, self._lasted_ns = 0, 0, 0, 0
+        self.poses, self.recordings, self._lasted_ns = 0, 0, 0
+        self.moved_by, self._steps_ns = list[float](), array("q")
 
     @property
     def seconds(self) -> float:
         """That the recordings take."""
         return self._lasted_ns / NANOSECONDS
+
+    @property
+    def rate(self) -> float:
+        """At which poses follow each other where none is missing [Hz]; 0 where there are too few."""
+        usual = median(self._steps_ns or [0])
+        steps = [step_ns for step_ns in self._steps_ns if step_ns < WIDEST_STEP * usual]
+        return len(steps) * NANOSECONDS / max(sum(steps), 1)
 
     def write(self, poses: Iterable[tuple[int, ScalarPose]]) -> int:
         """Adds stamps [ns] and poses, as several recordings where times begin again; returns the number of poses."""
@@ -129,7 +145,8 @@ class PoseWriter:
             begins = newest_ns is None or stamp_ns < newest_ns - BACK_NS
             if begins:
                 offset_ns = 0 if stamp_ns > self._last_ns else self._last_ns + BETWEEN_NS - stamp_ns
-                self.recordings, self.moved = self.recordings + 1, self.moved + (offset_ns != 0)
+                self.recordings += 1
+                self.moved_by += [offset_ns / NANOSECONDS] if offset_ns else []
             newest_ns = stamp_ns if newest_ns is None or begins else max(newest_ns, stamp_ns)
             count, moved_ns = count + 1, stamp_ns + offset_ns
             if moved_ns >= LATEST_NS:
@@ -138,7 +155,9 @@ class PoseWriter:
             if not self._last_ns:  # logged with the first pose: tools take what is logged first for the recording's start
                 self._bag.write("/tf_static", self._messages.board(), moved_ns, latched=True)
             self._bag.write(self._topic, self._messages.odometry(moved_ns, compose(self._upright, pose)), moved_ns)
-            self._lasted_ns += 0 if begins else max(moved_ns - self._last_ns, 0)
+            if not begins:
+                self._steps_ns.append(max(moved_ns - self._last_ns, 0))
+                self._lasted_ns += self._steps_ns[-1]
             self._last_ns = max(self._last_ns, moved_ns)
         self.poses += count
         return count

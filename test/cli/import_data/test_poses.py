@@ -130,6 +130,19 @@ def test_rows_without_a_pose_are_counted_and_a_file_cut_short_is_read(cli: Cli, 
     assert done.err == f"{where}: left out 3 rows without a pose (line 3: found '', expected a number)\n"
 
 
+def test_it_says_the_rate_between_missing_frames_and_by_how_much_times_were_moved(cli: Cli, tmp_path: Path) -> None:
+    rows = [f"{row / 100:.2f},0,0,1,0,0,0,1" for row in range(200) if row % 50 < 40]
+    for name in "ab":
+        (tmp_path / f"{name}.csv").write_text("\n".join(["t,x,y,z,qx,qy,qz,qw", *rows]))
+    done = cli("import", "poses", tmp_path / "a.csv", "--out", tmp_path / "one.mcap")
+    assert done.out.endswith("160 poses in 1.9 s (100 Hz); times of 1 recording moved by 1 s: they began at 0\n")
+    done = cli("import", "poses", tmp_path / "a.csv", tmp_path / "b.csv", "--out", tmp_path / "two.mcap")
+    assert "; times of 2 recordings moved by 1 to 3.89 s: they began at 0, or before" in done.out
+    rounded = [f"{row / 1e3:.3f},0,0,1,0,0,0,1" for row in np.rint(np.arange(1, 300) * 1e3 / 148.0)]
+    (tmp_path / "rounded.csv").write_text("\n".join(["t,x,y,z,qx,qy,qz,qw", *rounded]))
+    assert "(148 Hz)\n" in cli("import", "poses", tmp_path / "rounded.csv", "--out", tmp_path / "rounded.mcap").out
+
+
 def test_recordings_that_begin_at_0_follow_each_other_and_lose_nothing(cli: Cli, poses: Poses, tmp_path: Path) -> None:
     half = len(poses.stamps_ns) // 2
     for name, part in (("a", slice(0, half)), ("b", slice(half, None))):
