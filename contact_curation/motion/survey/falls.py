@@ -273,13 +273,13 @@ def _throws(
             groups[-1].append(flight)
         else:
             groups.append([flight])
-    throws = []
+    throws, turn_noises = [], [turn_noise_of(one) for one in series]
     for group, after in zip(groups, [*groups[1:], None], strict=False):
         end = after[0].first if after and after[0].series == group[0].series else len(series[group[0].series])
         longest = max(group, key=lambda flight: flight.stop - flight.first)
         one = series[longest.series]
         span = _parabola(one, fits[longest.series], longest, noise)
-        rest = _rest(one, fits[longest.series], group[-1].stop, end, shared, noise)
+        rest = _rest(one, fits[longest.series], group[-1].stop, end, shared, noise, turn_noises[longest.series])
         acceleration = acceleration_of(one.positions[span.first : span.stop], one.period_of(span.first, span.stop))
         throws.append(Throw(tuple(group), rest, span, acceleration))
     return throws
@@ -322,7 +322,9 @@ def _powers(frames: NDArray[np.int64]) -> Array:
     return np.stack([np.ones(len(frames)), frames, 0.5 * frames**2], axis=1)
 
 
-def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Array, noise: float) -> Rest | None:
+def _rest(
+    series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Array, noise: float, turn_noise: float
+) -> Rest | None:
     """The first rest between two frames."""
     length = float(np.linalg.norm(shared))
     slow, pulled = (SCATTERED * noise * one for one in fit.noises(series.period))
@@ -330,14 +332,14 @@ def _rest(series: PoseSeries, fit: LocalFits, start: int, end: int, shared: Arra
     inside = _windows(fit, start, min(end, int(latest)))
     speeds, pulls = (np.linalg.norm(each[inside], axis=1) for each in (fit.velocities, fit.accelerations))
     places = fit.first[inside][(speeds < max(STILL * length, slow)) & (pulls < max(0.1 * length, pulled))]
-    turning, dwell = SCATTERED * turn_noise_of(series), round(DWELL / series.period)
     for part in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1):
         at_the_end = len(part) > 0 and part[-1] + 1 not in fit.first  # recordings are cut as soon as the body is still
         for first in part if at_the_end else part[: 1 - STILL_WINDOWS]:
             stop = int(min(part[-1] + fit.frames, first + REST_FRAMES))
-            turns = series.orientations_wxyz[first : max(min(first + dwell, end), stop)]
+            seen_until = int(np.searchsorted(series.times, series.times[first] + DWELL))
+            turns = series.orientations_wxyz[first : max(min(seen_until, end), stop)]
             turns = turns * np.where(turns @ turns[0] < 0.0, -1.0, 1.0)[:, np.newaxis]
-            if _turned(turns) < max(TURNING, turning * np.sqrt(6.0 / len(turns))):
+            if _turned(turns) < max(TURNING, SCATTERED * turn_noise * np.sqrt(6.0 / len(turns))):
                 position = np.median(series.positions[first:stop], axis=0)
                 return Rest(int(first), stop, position, quaternions.normalized(turns[: stop - first].mean(axis=0)))
     return None

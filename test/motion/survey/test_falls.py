@@ -79,3 +79,15 @@ def test_a_turning_point_of_a_body_that_rocks_is_no_rest(rate: float, noise: flo
     off = np.degrees(2.0 * np.arccos(np.clip(np.abs(rests[:, 0]), 0.0, 1.0)))
     assert len(rests) == 20
     assert off.max() < 1.0
+
+
+def test_a_body_rests_that_is_seen_for_a_moment_before_a_gap() -> None:
+    """Tosses that were cut, one after the other: what comes behind the gap lies otherwise."""
+    rng, parts = np.random.default_rng(0), list[PoseSeries]()
+    for number in range(12):
+        part, stop = released(148.0, 2e-5, rng), round(0.65 * 148.0)
+        turn = np.tile(quaternions.exp(np.array([0.3 * number, 0.0, 0.0])), (stop, 1))
+        parts.append(PoseSeries(part.stamps_ns[:stop] + 1_700_000_000 * number, part.positions[:stop], turn))
+    names = ("stamps_ns", "positions", "orientations_wxyz")
+    throws = survey([PoseSeries(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))]).throws
+    assert [throw.rest is None for throw in throws] == [False] * 12
