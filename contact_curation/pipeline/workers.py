@@ -78,9 +78,15 @@ BYTES_PER_PROCESS = 8 << 20
 
 
 def processes_for(paths: Sequence[Path], jobs: int | None) -> int:
-    """The number of processes for recordings: `jobs`, or for None one per processor, as long as starting them saves time."""
+    """The number of processes for recordings: `jobs`, or for None one per processor, as long as starting them saves time.
+
+    A daemonic process, such as a worker of `multiprocessing.Pool`, may have no children and does all by itself.
+    """
     if jobs is not None:
         whole_number("jobs", jobs, 1)
+    if multiprocessing.current_process().daemon:
+        return 1
+    if jobs is not None:
         return max(1, min(jobs, len(paths)))
     paying = max(1, sum(map(_size_of, paths)) // BYTES_PER_PROCESS)
     return max(1, min(os.cpu_count() or 1, len(paths), paying))
@@ -270,7 +276,7 @@ def _in_parallel[Input, Result](
         except BrokenProcessPool:  # when the next one was to be submitted
             return Unfinished(sorted(under_way.values()), list(coming))
         except KeyboardInterrupt:  # of this process alone: workers would end their inputs first
-            for worker in multiprocessing.active_children():
+            for worker in list(executor._processes.values()):
                 worker.terminate()
             raise
         finally:

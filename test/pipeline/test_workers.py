@@ -1,6 +1,7 @@
 """Work in several processes: results in order, a death noticed, no process left behind."""
 
 import errno
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -102,6 +103,29 @@ def test_processes_are_started_for_recordings_large_enough_and_as_asked_for(
     assert processes_for([large] * 9, None) == 4
     assert [processes_for([small] * 3, jobs) for jobs in (1, 2, 5)] == [1, 2, 3]
     assert processes_for([], None) == 1
+
+
+def test_a_daemonic_process_reads_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)  # type: ignore[attr-defined]
+    server = Address("https://host/session.mcap")
+    assert [processes_for([server] * 3, jobs) for jobs in (None, 2)] == [1, 1]
+
+
+def test_an_interrupt_ends_the_workers_and_no_other_child_of_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    own = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,))
+    own.start()
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(workers, "wait", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        list(each(squared, [0, 1], 2, unheard))
+    wait_until(lambda: multiprocessing.active_children() == [own])
+    time.sleep(0.1)  # a signal would have arrived
+    assert own.is_alive()
+    own.terminate()
+    own.join()
 
 
 def test_a_worker_that_is_killed_is_an_error_of_ours() -> None:
