@@ -3,9 +3,7 @@
 Defaults are those of the commands, too, but that `train` holds no tosses out unless it is told to.
 """
 
-import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -15,6 +13,7 @@ from contact_curation.configs import truth_value, whole_number
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
+from contact_curation.contact.models.torch_state import own_torch
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.extras import says_what_to_install
 from contact_curation.information.network.config import CPU, Device, network_config_for
@@ -168,7 +167,7 @@ def score(
     place = Device(device)
     found = _tosses(tosses, _body(body, model, tosses)).check_some("no toss to score")
     config = _pool_config(found.config, _theta(model, found.body), estimator, place)
-    with _threads_of_torch_kept():
+    with own_torch():
         (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
         return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
 
@@ -239,7 +238,7 @@ def rank(
         jobs=jobs,
         index=None if index is None else RecordingIndex(path_of("index", index, "the path of a folder")),
     )
-    with _threads_of_torch_kept():
+    with own_torch():
         ranked = rank_tosses(source, config, progress)
     ranked.evidence()  # refuses where nothing was ranked
     return ranked if known or isinstance(tosses, Tosses) else replace(ranked, warnings=(NO_BODY, *ranked.warnings))
@@ -294,8 +293,6 @@ def train(
         ('polytope', 8)
         >>> model.save("model.safetensors")
     """
-    import torch
-
     from contact_curation.pipeline.learned_model import LearnedModel
     from contact_curation.pipeline.training import PROTOCOLS, TrainConfig, TrainingRun, protocol_named, start_of
 
@@ -317,15 +314,14 @@ def train(
         seed=seed,
         rig=found.config.inputs.rig,
     )
-    with _threads_of_torch_kept(), progress("training", "steps", None if budget.exact else budget.steps) as bar:
-        torch.set_num_threads(1)  # threads that share busy cores wait for each other, and sums would depend on them
+    with own_torch(), progress("training", "steps", None if budget.exact else budget.steps) as bar:
         running = TrainingRun.begun(plan, learning)
         while running.running:
             bar.advance(1, running.advance())
         running.check()
         bounce = running.bounce()
         missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
-    return replace(running.model(), warnings=(*found.warnings, *filter(None, (missing,))))
+        return replace(running.model(), warnings=(*found.warnings, *filter(None, (missing,))))
 
 
 @says_what_to_install
@@ -376,7 +372,7 @@ def evaluate(
     models = [first] if against is None else [first, model_of(against, first.body)]
     judged = judging_tosses(_tosses(tosses, first.body), held_out, models, HELD_OUT)
     config = evaluation_config(bootstrap=BootstrapConfig(seed=seed))
-    with _threads_of_torch_kept():
+    with own_torch():
         return evaluate_models(models, judged, config, progress=progress, more=more)
 
 
@@ -431,23 +427,12 @@ def design(
         for one in several:
             _body(given, one)
     models = [model_of(one, given) for one in several if one is not None]
-    thetas = tuple(map(_polytope, models)) or (described_polytope(given or CONTACTNETS_CUBE),)
+    with own_torch():
+        thetas = tuple(map(_polytope, models)) or (described_polytope(given or CONTACTNETS_CUBE),)
     task = DesignTask(thetas, _by_id(known), method=method, arm=truth_value("arm", arm), seed=seed, name=name)
     with progress("designing", "simulated throws", task.simulations(throws)) as bar:
         found = design_throws(task, throws, bar.advance)
     return found if models or given else replace(found, warnings=(NO_BODY,))
-
-
-@contextmanager
-def _threads_of_torch_kept() -> Iterator[None]:
-    """Gives back the caller's number of threads: computations here take one. Does nothing where torch is not imported."""
-    torch = sys.modules.get("torch")
-    before = torch.get_num_threads() if torch else 0
-    try:
-        yield
-    finally:
-        if torch:
-            torch.set_num_threads(before)
 
 
 def _reading(body: GivenBody | None, config: InputsConfig | Mapping[str, object] | None) -> ReadingConfig:
@@ -495,7 +480,8 @@ def _theta(model: "GivenModel | None", body: Body) -> Theta:
         return described_polytope(body)
     from contact_curation.pipeline.learned_model import model_of
 
-    return theta_of(model_of(model, body).model)
+    with own_torch():
+        return theta_of(model_of(model, body).model)
 
 
 def _pool_config(reading: ReadingConfig, theta: Theta, estimator: str, device: Device) -> PoolConfig:

@@ -9,6 +9,7 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.models.model import Model
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.models.registry import MODELS
+from contact_curation.contact.models.torch_state import own_torch
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.files import read_bounded, read_json, write_atomically
@@ -109,6 +110,7 @@ def model_of(given: GivenModel, body: Body | None = None) -> LearnedModel:
     return given if isinstance(given, LearnedModel) else load_model(given, body)
 
 
+@own_torch()
 def load_model(path: str | PathLike[str], body: GivenBody | None = None) -> LearnedModel:
     """Reads a model from a file.
 

@@ -43,8 +43,10 @@ def roll_out_steps(stepping: Stepping, initial: ArrayLike, lengths: ArrayLike, d
     releases = _Releases(states, row_starts(lengths, len(states)), checked_time_steps(dt, len(states)))
     result = _before_the_first_step(releases)
     work = partial(_roll_out_block, stepping, releases, result)
-    # Asked in a new thread, torch tells it how many cores it may use; products of matrices do not ask, and would take them all.
-    with ThreadPoolExecutor(checked_threads(threads), initializer=torch.get_num_threads) as pool:
+    # A new thread takes as many cores as this one only when told; products of matrices would take them all.
+    with ThreadPoolExecutor(
+        checked_threads(threads), initializer=torch.set_num_threads, initargs=(torch.get_num_threads(),)
+    ) as pool:
         list(pool.map(work, _blocks(releases.starts)))
     return result
 

@@ -1,0 +1,43 @@
+"""PyTorch in the state that computations here need, and afterwards as its user had it."""
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+
+
+class _OfThisThread(threading.local):
+    inside = False
+
+
+_here, _lock, _before = _OfThisThread(), threading.Lock(), list[tuple[int, object]]()
+"""What the process had before the first of the calls under way, once for each of them."""
+
+
+@contextmanager
+def own_torch() -> Iterator[None]:
+    """One thread, gradients, float32 and the CPU by default, whatever the caller has set. Does nothing without torch.
+
+    Threads that share busy cores wait for each other, and sums would depend on their number. That number and the default type
+    belong to the process: of calls that overlap in several threads the first one notes them, and the last one restores them.
+    """
+    torch = sys.modules.get("torch")
+    if torch is None or _here.inside:
+        yield
+        return
+    with _lock:
+        _before.append(_before[0] if _before else (torch.get_num_threads(), torch.get_default_dtype()))
+        torch.set_num_threads(1)
+        torch.set_default_dtype(torch.float32)
+        _here.inside = True
+    try:
+        on_cpu = nullcontext() if torch.get_default_device().type == "cpu" else torch.device("cpu")
+        with torch.inference_mode(False), torch.enable_grad(), on_cpu:
+            yield
+    finally:
+        with _lock:
+            threads, kind = _before.pop()
+            torch.set_num_threads(threads)
+            if not _before:
+                torch.set_default_dtype(kind)
+            _here.inside = False
