@@ -43,12 +43,18 @@ def roll_out_steps(stepping: Stepping, initial: ArrayLike, lengths: ArrayLike, d
     releases = _Releases(states, row_starts(lengths, len(states)), checked_time_steps(dt, len(states)))
     result = _before_the_first_step(releases)
     work = partial(_roll_out_block, stepping, releases, result)
-    # A new thread takes as many cores as this one only when told; products of matrices would take them all.
-    with ThreadPoolExecutor(
-        checked_threads(threads), initializer=torch.set_num_threads, initargs=(torch.get_num_threads(),)
-    ) as pool:
+    with ThreadPoolExecutor(checked_threads(threads), initializer=_take, initargs=(torch.get_num_threads(),)) as pool:
         list(pool.map(work, _blocks(releases.starts)))
     return result
+
+
+def _take(cores: int) -> None:
+    """Lets torch take so many cores in a new thread: products of matrices would take all.
+
+    Torch is asked first, since it takes the process's number at the first question.
+    """
+    torch.get_num_threads()
+    torch.set_num_threads(cores)
 
 
 def _before_the_first_step(releases: _Releases) -> Rollout:

@@ -26,7 +26,11 @@ def own_torch() -> Iterator[None]:
         yield
         return
     with _lock:
-        _before.append(_before[0] if _before else (torch.get_num_threads(), torch.get_default_dtype()))
+        now = (
+            torch.get_num_threads(),
+            torch.get_default_dtype(),
+        )  # asked first, a new thread does not take the process's later
+        _before.append(_before[0] if _before else now)
         torch.set_num_threads(1)
         torch.set_default_dtype(torch.float32)
         _here.inside = True
