@@ -88,6 +88,9 @@ class LearnedModel:
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Writes the checkpoint, whole or not at all, as a .safetensors file.
 
+        Where the parameters are others than those of the checkpoint, the model is written as it is now: `train` can start from
+        it, but its training cannot be resumed.
+
         Args:
             path: of the file.
             overwrite: whether to replace any file that is there.
@@ -95,7 +98,14 @@ class LearnedModel:
         Raises:
             InvalidValueError: another ending, a file is there, or the file cannot be written.
         """
-        write_atomically(saved_path(path, (CHECKPOINT,), overwrite=overwrite), self.data or model_bytes(self.model))
+        write_atomically(saved_path(path, (CHECKPOINT,), overwrite=overwrite), self._bytes())
+
+    @own_torch()
+    def _bytes(self) -> bytes:
+        if not self.data:
+            return model_bytes(self.model)
+        unchanged = model_bytes(self.model) == model_bytes(model_of_bytes(self.data, self.name))
+        return self.data if unchanged else model_bytes(self.model, notes_of_bytes(self.data, self.name))
 
     def __repr__(self) -> str:
         return f"<{self.kind} of {self.body.name}, learned from {len(self.learned_from)} tosses>"

@@ -395,6 +395,20 @@ def test_the_number_of_threads_of_torch_is_the_callers_again(tosses: cc.Tosses, 
         torch.set_num_threads(before)
 
 
+def test_a_model_that_was_changed_is_saved_as_it_is(model: cc.LearnedModel, deep: cc.LearnedModel, tmp_path: Path) -> None:
+    changed = copy.deepcopy(model)
+    with torch.no_grad():
+        next(changed.model.parameters()).add_(0.01)
+    for number, (one, data) in enumerate(((model, True), (changed, False), (replace(model, model=deep.model), False))):
+        path = tmp_path / f"{number}.safetensors"
+        one.save(path)
+        again = cc.load_model(path)
+        assert (path.read_bytes() == one.data) == data
+        assert (again.kind, again.learned_from) == (one.kind, model.learned_from)
+        for name, values in one.model.tensors().items():
+            np.testing.assert_array_equal(again.model.tensors()[name], values)
+
+
 def test_a_body_that_contradicts_the_tosses_or_the_model_is_refused(
     golden_bag: Path, tosses: cc.Tosses, body: cc.Body, model: cc.LearnedModel
 ) -> None:
