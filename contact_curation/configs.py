@@ -39,14 +39,14 @@ def whole_number(name: str, value: object, least: int = 0, most: float = inf) ->
 
 
 def truth_value(name: str, value: object) -> bool:
-    """The truth value that a value is; the text "no" would count as true.
+    """The truth value that a value is, NumPy's too; the text "no" would count as true.
 
     Raises:
         InvalidValueError: it is another value; the message begins with `name`.
     """
-    if type(value) is not bool:
+    if type(value).__name__ not in ("bool", "bool_"):  # NumPy's; its import takes long
         raise InvalidValueError(name, _shown(value), "True or False")
-    return value
+    return bool(value)
 
 
 def set_whole_numbers(config: object, names: Iterable[str], least: int = 0, most: float = inf, prefix: str = "") -> None:

@@ -5,6 +5,7 @@ import fcntl
 import json
 import math
 import os
+import reprlib
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -28,6 +29,18 @@ LONG_TEXT = 100
 """Characters of a text in a YAML file that count as one more value."""
 LARGEST_BITS = 14_000
 """Of a whole number in a YAML file: Python writes no longer one in decimal digits."""
+
+
+def path_of(name: str, given: object, expected: str) -> Path:
+    """The path that a user gives.
+
+    Raises:
+        InvalidValueError: it is no path, empty, or has a null character; `name` and what is `expected` are in the message.
+    """
+    text = os.fspath(given) if isinstance(given, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise InvalidValueError(name, reprlib.repr(given), expected)
+    return Path(given)  # type: ignore[arg-type]
 
 
 def read_bounded(path: Path, largest: int, expected: str, *, devices: bool = True) -> bytes:

@@ -22,6 +22,7 @@ from contact_curation.contact.body_values import (
     symmetric_inertia,
 )
 from contact_curation.errors import InvalidValueError, UnreadableInputError
+from contact_curation.files import path_of
 from contact_curation.geometry.numbers import frozen, number, numbers
 from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
@@ -144,7 +145,7 @@ class Body:
             0.37
         """
         options = BodyOptions(name, mass, density, friction, length_scale, scale, link)
-        return Body.described(read_description(Path(path), options))
+        return Body.described(read_description(path_of("path", path, "the path of a body's file"), options))
 
     @staticmethod
     def described(found: BodyDescription) -> "Body":
@@ -157,6 +158,8 @@ class Body:
     @staticmethod
     def from_mapping(data: Mapping[str, object]) -> "Body":
         """A body of named values, as `to_mapping` gives them; every error names the key."""
+        if not isinstance(data, Mapping):
+            raise InvalidValueError("body", repr(data), "named values, as `to_mapping` gives them")
         return Body(**body_of_mapping(data))
 
     def to_mapping(self) -> dict[str, object]:

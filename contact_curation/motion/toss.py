@@ -4,12 +4,13 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.numbers import frozen, number, numbers, shortened
+from contact_curation.geometry.numbers import frozen, number, numbers, plain, shortened
 from contact_curation.geometry.poses import QUATERNION_TOLERANCE
 from contact_curation.geometry.quaternions import Array
 
@@ -18,6 +19,10 @@ NANOSECONDS = 1_000_000_000
 
 FIRST_WALL_TIME_NS = 10**9 * NANOSECONDS
 """[ns] September 2001: earlier stamps do not come from a clock that was set, such as those of a simulation that begins at 0."""
+
+
+LARGEST_EXACT = 2**53
+"""Up to which every whole number is a float."""
 
 
 def toss_identity(body: str, source: str, first_stamp_ns: int, first_poses: Sequence[float] = ()) -> str:
@@ -69,9 +74,11 @@ class Toss:
     angular_velocities: Array
 
     def __post_init__(self) -> None:
-        for name in ("toss_id", "body"):
-            if not isinstance(getattr(self, name), str) or len(getattr(self, name).splitlines()) != 1:
-                raise InvalidValueError(name, repr(getattr(self, name)), "a text of one line")
+        for name, lines in (("toss_id", "of one line"), ("body", "of one line"), ("source", "")):
+            text = getattr(self, name)
+            if not isinstance(text, str) or (lines and len(text.splitlines()) != 1):
+                raise InvalidValueError(name, repr(text), f"a text {lines}".rstrip())
+            object.__setattr__(self, name, str.__str__(text))  # NumPy's would change the digest
         stamps = _stamps(self.stamps_ns)
         frames = stamps.size
         if stamps.ndim != 1 or frames < 2:
@@ -94,6 +101,16 @@ class Toss:
         off = float(np.abs(np.linalg.norm(self.orientations_wxyz, axis=1) - 1.0).max())
         if off > QUATERNION_TOLERANCE:
             raise InvalidValueError("quaternion norm", f"1 {off:+.3g}", f"1 within {QUATERNION_TOLERANCE}")
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Of a pickled or copied toss, whose arrays NumPy makes writable."""
+        for value in state.values():
+            if isinstance(value, np.ndarray):
+                value.flags.writeable = False
+        self.__dict__.update(state)
+
+    def __repr__(self) -> str:
+        return f"<toss {self.toss_id} of {self.body}: {self.frames} frames in {self.duration:.2f} s>"
 
     @property
     def frames(self) -> int:
@@ -118,15 +135,20 @@ class Toss:
 
 
 def _stamps(value: object) -> NDArray[np.int64]:
-    """A copy of stamps that cannot be written to; InvalidValueError where a number is not whole or has over 63 bits."""
+    """A copy of stamps that cannot be written to; InvalidValueError where a number is not whole or has over 63 bits.
+
+    Floats above 2^53 are rounded, and are refused.
+    """
     try:
-        given = np.asarray(value)
+        given = plain(value)
         with np.errstate(invalid="ignore"):
             stamps = frozen(given.astype(np.int64))
-    except (TypeError, ValueError, OverflowError) as error:
+    except (TypeError, ValueError, OverflowError, RuntimeError) as error:
         raise InvalidValueError("toss stamps", shortened(value), "whole numbers of nanoseconds") from error
     if not np.array_equal(stamps, given):
         raise InvalidValueError("toss stamps", shortened(value), "whole numbers of nanoseconds below 2^63")
+    if given.dtype.kind == "f" and np.abs(given).max(initial=0.0) > LARGEST_EXACT:
+        raise InvalidValueError("toss stamps", "floats above 2^53, which are rounded", "integers of nanoseconds")
     return stamps
 
 
@@ -145,3 +167,6 @@ class Rejected:
     def __post_init__(self) -> None:
         if not self.reasons:
             raise InvalidValueError(f"reasons to reject toss {self.toss.toss_id}", "none", "at least one")
+
+    def __repr__(self) -> str:
+        return f"<rejected {repr(self.toss)[1:-1]}; {self.reasons[0]}>"

@@ -3,7 +3,7 @@
 Defaults are those of the commands, too, but that `train` holds no tosses out unless it is told to.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
@@ -16,12 +16,13 @@ from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
 from contact_curation.contact.models.torch_state import own_torch
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.extras import says_what_to_install
+from contact_curation.files import path_of
 from contact_curation.information.network.config import CPU, Device, network_config_for
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.motion.toss import Toss
-from contact_curation.pipeline.carried_body import ASSUMED, CarriedBody, GivenBody, body_of, carried_body, path_of
+from contact_curation.pipeline.carried_body import ASSUMED, CarriedBody, GivenBody, body_of, carried_body
 from contact_curation.pipeline.diagnosis import MOST_MESSAGES, Diagnosis, diagnose
 from contact_curation.pipeline.division import DivisionConfig, HeldOut, held_out_rule, learning_tosses
 from contact_curation.pipeline.ranked import RankedTosses
@@ -31,7 +32,7 @@ from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import Theta, described_polytope, form_of, theta_of
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
-from contact_curation.pipeline.tosses import Inputs, Tosses, input_paths, read_tosses
+from contact_curation.pipeline.tosses import Inputs, Tosses, checked_tosses, input_paths, read_tosses
 from contact_curation.pipeline.workers import Progress, processes_for, silent
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.inputs.inputs import InputsConfig
@@ -59,7 +60,7 @@ def read(
     *,
     config: InputsConfig | Mapping[str, object] | None = None,
     jobs: int | None = 1,
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> Tosses:
     """Reads the tosses of recordings, and the rejected motions with their reasons.
 
@@ -70,7 +71,7 @@ def read(
         config: settings by the names that `--set` takes (docs/ros/reference.md), such as
             ``{"poses.topic": "/my_tracker/brick", "gates.depth": 0.01}``, or an `InputsConfig`; None for the defaults.
         jobs: number of recordings that are read at the same time, each in a process; None as in `rank`.
-        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; None shows nothing.
 
     Returns:
         The tosses: `accepted`, `rejected` with reasons, and `warnings`, among them a line for each recording that cannot be
@@ -89,7 +90,7 @@ def read(
         >>> tosses.rejected[0].reasons[0].split(":")[0]
         'displacement beside the velocity'
     """
-    with progress("reading", "tosses") as bar:
+    with (progress or silent)("reading", "tosses") as bar:
         paths = input_paths(inputs)
         found = read_tosses(paths, _reading(body, config), processes_for(paths, jobs), bar.advance)
     return found if body is not None else replace(found, warnings=(NO_BODY, *found.warnings))
@@ -102,7 +103,7 @@ def check(
     *,
     config: InputsConfig | Mapping[str, object] | None = None,
     most_messages: int = MOST_MESSAGES,
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """Diagnoses recordings: finds what is wrong with them, before anything is learned from them.
 
@@ -111,7 +112,7 @@ def check(
         body: the tossed object, or its file; None assumes ContactNets' cube, which is a warning.
         config: as in `read`.
         most_messages: largest number of messages of pose topics that are read, the first ones of each recording.
-        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; None shows nothing.
 
     Returns:
         `verdict` in one line, `ok`, `reasons`, the `settings` that correct what they can, and the `next` command; `print` shows
@@ -126,7 +127,7 @@ def check(
         (True, 'ok: 21 of 24 motions are sound tosses of cube')
     """
     paths = input_paths(inputs)
-    with progress("checking", "recordings", len(paths)) as bar:
+    with (progress or silent)("checking", "recordings", len(paths)) as bar:
         found = diagnose(paths, _reading(body, config), most_messages=most_messages, advance=bar.advance)
     return found if body is not None else replace(found, warnings=(NO_BODY,))
 
@@ -186,7 +187,7 @@ def rank(
     held_out: HeldOut | None = None,
     index: str | PathLike[str] | None = None,
     jobs: int | None = None,
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> RankedTosses:
     """Ranks tosses by a criterion, and selects the first ones (method.md 2.3 and 2.9).
 
@@ -207,7 +208,7 @@ def rank(
         index: folder that keeps what was read and scored, so that a second ranking reads and scores only what changed; None for
             none, and for tosses from `read`.
         jobs: number of processes that read recordings; None for one per processor, as long as starting them saves time.
-        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; None shows nothing.
 
     Returns:
         The ranking: `selected`, `selected_ids`, `to_pandas()`, `to_arrow()`, `plot()`, `save(path)`; `print` shows it.
@@ -239,7 +240,7 @@ def rank(
         index=None if index is None else RecordingIndex(path_of("index", index, "the path of a folder")),
     )
     with own_torch():
-        ranked = rank_tosses(source, config, progress)
+        ranked = rank_tosses(source, config, progress or silent)
     ranked.evidence()  # refuses where nothing was ranked
     return ranked if known or isinstance(tosses, Tosses) else replace(ranked, warnings=(NO_BODY, *ranked.warnings))
 
@@ -257,7 +258,7 @@ def train(
     start: "GivenModel | None" = None,
     restitution: bool = False,
     shape_known_to: float | None = None,
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> "LearnedModel":
     """Trains a model on tosses.
 
@@ -279,7 +280,7 @@ def train(
         shape_known_to: how exactly the corners of the body (or of `start`) are known, their standard deviation [m]: the exact
             protocol begins there, and leaves corners there that the tosses say little of. None for the published random
             initialisation, which is off by 0.4 length scales.
-        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; None shows nothing.
 
     Returns:
         The model; `save("model.safetensors")` stores it.
@@ -302,6 +303,8 @@ def train(
     model_entry(model)  # refuses what is none
     load_kernel()
     config = PROTOCOLS[protocol_named(protocol, model, by_steps=steps is not None)](model)
+    if config.exact and steps is not None:
+        raise InvalidValueError("steps", "protocol exact, which takes none", "protocol budgeted or published")
     steps = config.steps if steps is None else steps
     division = DivisionConfig(_held_out(held_out), said=held_out is not None)
     learning = learning_tosses(found, division)
@@ -314,7 +317,7 @@ def train(
         seed=seed,
         rig=found.config.inputs.rig,
     )
-    with own_torch(), progress("training", "steps", None if budget.exact else budget.steps) as bar:
+    with own_torch(), (progress or silent)("training", "steps", None if budget.exact else budget.steps) as bar:
         running = TrainingRun.begun(plan, learning)
         while running.running:
             bar.advance(1, running.advance())
@@ -333,7 +336,7 @@ def evaluate(
     held_out: HeldOut | None = None,
     more: int | None = None,
     seed: int = 0,
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> "Evaluation":
     """Evaluates a model: predicts each toss from its first measured state, and compares with the measured motion.
 
@@ -346,7 +349,7 @@ def evaluate(
         more: number of further throws like those that an exact fit learned from; `more_throws` of the result predicts how far
             they would change predicted motions. None for as many again.
         seed: random seed of the bootstrap.
-        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; None shows nothing.
 
     Returns:
         Errors of position and penetration [% of the body's width] and rotation [degrees] with 95 % intervals (method.md
@@ -370,10 +373,10 @@ def evaluate(
     load_kernel()
     first = model_of(model, tosses.body if isinstance(tosses, Tosses) else None)
     models = [first] if against is None else [first, model_of(against, first.body)]
-    judged = judging_tosses(_tosses(tosses, first.body), held_out, models, HELD_OUT)
     config = evaluation_config(bootstrap=BootstrapConfig(seed=seed))
     with own_torch():
-        return evaluate_models(models, judged, config, progress=progress, more=more)
+        judged = judging_tosses(_tosses(tosses, first.body), held_out, models, HELD_OUT)
+        return evaluate_models(models, judged, config, progress=progress or silent, more=more)
 
 
 @says_what_to_install
@@ -387,7 +390,7 @@ def design(
     arm: bool = False,
     seed: int = 0,
     name: str = "throw",
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> "DesignedThrows":
     """Designs the throws that together have the largest predicted information gain (method.md 1.10).
 
@@ -401,7 +404,7 @@ def design(
         arm: whether only throws are designed that the simulated arm can make.
         seed: random seed; the same seed gives the same throws.
         name: beginning of the throws' ids.
-        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; by default nothing is shown.
+        progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; None shows nothing.
 
     Returns:
         The throws, best first: release pose [m], linear [m/s] and angular [rad/s] velocity, and predicted gain in log-det of
@@ -430,7 +433,7 @@ def design(
     with own_torch():
         thetas = tuple(map(_polytope, models)) or (described_polytope(given or CONTACTNETS_CUBE),)
     task = DesignTask(thetas, _by_id(known), method=method, arm=truth_value("arm", arm), seed=seed, name=name)
-    with progress("designing", "simulated throws", task.simulations(throws)) as bar:
+    with (progress or silent)("designing", "simulated throws", task.simulations(throws)) as bar:
         found = design_throws(task, throws, bar.advance)
     return found if models or given else replace(found, warnings=(NO_BODY,))
 
@@ -444,11 +447,8 @@ def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:
 
 
 def _by_id(known: object) -> tuple[Toss, ...]:
-    several = tuple(known) if isinstance(known, Iterable) else (known,)
-    tosses = [one for one in several if isinstance(one, Toss)]
-    if len(tosses) < len(several):
-        raise InvalidValueError("known", repr(known), "tosses, such as those of `read`")
-    return tuple(sorted(tosses, key=lambda toss: toss.toss_id))
+    by_id = {toss.toss_id: toss for toss in checked_tosses("known", known)}
+    return tuple(by_id[toss_id] for toss_id in sorted(by_id))
 
 
 def _held_out(spec: HeldOut | None) -> HeldOutRule:

@@ -1,12 +1,13 @@
 """The body that a checkpoint, a manifest or a file of throws carries, so that no verb asks for it twice."""
 
 from collections.abc import Sequence
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
 from typing import NamedTuple
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.files import path_of
 from contact_curation.storage.manifest.file import FORMATS, read_manifest
 from contact_curation.storage.parameters_file import is_checkpoint
 from contact_curation.storage.throws_file import read_throws_body
@@ -34,13 +35,6 @@ def body_of(given: GivenBody) -> Body:
         UnreadableInputError: as of `Body.from_file`.
     """
     return given if isinstance(given, Body) else Body.from_file(path_of("body", given, "a Body, or the path of its file"))
-
-
-def path_of(name: str, given: object, expected: str) -> Path:
-    """The path, which is neither empty nor another value; else InvalidValueError with `name` and what is `expected`."""
-    if not (isinstance(given, str | PathLike) and fspath(given)):
-        raise InvalidValueError(name, repr(given), expected)
-    return Path(given)
 
 
 def carried_body(

@@ -59,11 +59,15 @@ def held_out_rule(spec: HeldOut, name: str = "--held-out") -> HeldOutRule:
 
 
 def _as_text(spec: object) -> str:
-    """`3,7,8` of numbers, ./400 of a path, so that it is not read as a number; empty for truth values, which are no numbers."""
+    """`3,7,8` of numbers, ./400 of a path, so that it is not read as a number; empty for what is no number.
+
+    That are truth values, bytes, whose elements are codes of letters, and arrays without dimensions.
+    """
     if isinstance(spec, PathLike):
         return f"./{spec}"
     if isinstance(spec, Iterable) and not isinstance(spec, str):
-        return ",".join(map(_as_text, spec))
+        other = isinstance(spec, bytes | bytearray) or getattr(spec, "shape", None) == ()
+        return "" if other else ",".join(map(_as_text, spec))
     return "" if isinstance(spec, bool) else str(spec)
 
 

@@ -12,12 +12,12 @@ from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.models.torch_state import own_torch
 from contact_curation.contact.parameter_form import form_of_geometry
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.files import read_bounded, read_json, write_atomically
+from contact_curation.files import path_of, read_bounded, read_json, write_atomically
 from contact_curation.learning.checkpoints.checkpoint import how_trained
 from contact_curation.learning.checkpoints.safetensors_bytes import LARGEST_BYTES
 from contact_curation.learning.checkpoints.selection_document import selections_of
 from contact_curation.learning.checkpoints.stored_model import MALFORMED, model_bytes, model_of_bytes, notes_of_bytes
-from contact_curation.pipeline.carried_body import GivenBody, body_of, path_of
+from contact_curation.pipeline.carried_body import GivenBody, body_of
 from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
 from contact_curation.storage.parameters_file import LARGEST_BYTES as PARAMETERS_BYTES
 from contact_curation.storage.saved_path import saved_path
@@ -69,11 +69,13 @@ class LearnedModel:
         return None if self.shape_known_to is None else self.shape_known_to / self.body.length_scale
 
     @property
+    @own_torch()
     def restitution(self) -> float | None:
         """What a polytope learned of its bounces; None where it learned nothing of them."""
         geometry = self.model.geometry()
         return None if geometry is None else geometry.restitution
 
+    @own_torch()
     def learned_body(self) -> Body:
         """The body with the vertices and the friction that a polytope learned; all else is as described.
 

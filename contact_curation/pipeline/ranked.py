@@ -22,7 +22,7 @@ from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
-from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found
+from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found, plain_json
 from contact_curation.storage.manifest.file import FORMATS, provenance_of, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.outputs import CSV
@@ -97,7 +97,7 @@ class RankedTosses:
         """The trace of the summed Fisher matrices of all ranked tosses."""
         return sum(row.trace or 0.0 for row in self.ranked_rows)
 
-    @cached_property
+    @property
     def outcomes(self) -> dict[str, int]:
         """Counts of tosses: selected, not selected, and rejected by their first reason."""
         counts = Counter(_outcome(row) for row in self.manifest.rows)
@@ -105,7 +105,7 @@ class RankedTosses:
         others = sorted((name for name in counts if name not in first), key=lambda name: (-counts[name], name))
         return {name: counts[name] for name in (*first, *others)}
 
-    @cached_property
+    @property
     def rejected_by_input(self) -> dict[str, dict[str, int]]:
         """Counts of rejected tosses by recording and first reason; a bad day of a rig is seen in it."""
         counts: dict[str, Counter[str]] = {one.path: Counter() for one in self.manifest.run.inputs}
@@ -177,8 +177,8 @@ class RankedTosses:
         save_ranking_figure(self._picture(), saved_path(path, (".png",), overwrite=overwrite))
 
     def document(self) -> dict[str, Any]:
-        """Everything, as one object for JSON."""
-        return {
+        """Everything, as one object for JSON; numbers that are not finite are None."""
+        document = {
             **{name: value for name, value in asdict(self.manifest.run).items() if name != "command"},
             "outcomes": self.outcomes,
             "rejected": [{"input": path, "reasons": reasons} for path, reasons in self.rejected_by_input.items()],
@@ -186,6 +186,7 @@ class RankedTosses:
             "warnings": self.warnings,
             "tosses": [asdict(row) for row in self.manifest.rows],
         }
+        return {name: plain_json(value) for name, value in document.items()}
 
     def __str__(self) -> str:
         return "\n".join(_lines(self))

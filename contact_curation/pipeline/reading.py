@@ -40,9 +40,12 @@ def inputs_config(given: InputsConfig | Mapping[str, object] | None) -> InputsCo
         raise InvalidValueError("config", shortened(repr(given)), "settings such as {'gates.depth': 0.01}, or an InputsConfig")
     config = InputsConfig()
     values = {field_of(config, path).path: tuple(value) if isinstance(value, list) else value for path, value in given.items()}
+    for path, value in values.items():
+        if isinstance(field_of(config, path).default, str) and not isinstance(value, str):
+            raise InvalidValueError(path, shortened(repr(value)), "a text")
     try:
         return with_fields(config, values)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidValueError("config", shortened(given), "values of the types that docs/ros/reference.md has") from error
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contact_curation.geometry.numbers import read_only
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.model_scorer import TossScorer
 from contact_curation.information.record import ParameterBlock, Rows, TossInformation
@@ -43,6 +44,11 @@ class TossScores:
     not_scored: Mapping[str, str]
     version: str
     warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scores", read_only(self.scores))
+        for name in ("factors", "losses"):
+            object.__setattr__(self, name, tuple(map(read_only, getattr(self, name))))
 
     @property
     def traces(self) -> Array:

@@ -10,13 +10,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from os import PathLike, fspath
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import path_of
 from contact_curation.geometry.numbers import shortened
 from contact_curation.learning.evaluation.held_out import NumberedToss
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.pipeline.carried_body import GivenBody, body_of
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig, numbered
 from contact_curation.pipeline.wording import counted_tosses, in_brackets, listed, nothing_found
 from contact_curation.pipeline.workers import Advance, each, unheard
@@ -124,13 +127,17 @@ class Tosses:
     taken: Mapping[str, Taken] = field(default_factory=dict)
 
     @staticmethod
-    def of(tosses: Iterable[Toss], body: Body) -> "Tosses":
+    def of(tosses: Iterable[Toss], body: GivenBody) -> "Tosses":
         """Tosses that came from no recording, such as live ones.
 
+        Args:
+            tosses: themselves.
+            body: the tossed object, or its file.
+
         Raises:
-            InvalidValueError: one of another body, or an id twice.
+            InvalidValueError: no toss, one of another body, or an id twice.
         """
-        tosses = tuple(tosses)
+        tosses, body = checked_tosses("tosses", tosses), body_of(body)
         for toss in tosses:
             if toss.body != body.name:
                 raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, body.name)
@@ -152,9 +159,13 @@ class Tosses:
         """Of the accepted tosses."""
         return tuple(self.by_id)
 
-    @cached_property
-    def by_id(self) -> dict[str, Toss]:
+    @property
+    def by_id(self) -> Mapping[str, Toss]:
         """The accepted tosses by their ids."""
+        return MappingProxyType(self._by_id)
+
+    @cached_property
+    def _by_id(self) -> dict[str, Toss]:
         return {toss.toss_id: toss for toss in self.accepted}
 
     @property
@@ -177,12 +188,13 @@ class Tosses:
         """The accepted tosses."""
         return tuple(self.by_id[toss_id] for toss_id in sorted(self.by_id))
 
-    def only(self, ids: Sequence[str]) -> "Tosses":
-        """Those of some ids, in the order of the ids.
+    def only(self, ids: Iterable[str]) -> "Tosses":
+        """Those of some ids, each once, in the order of the ids.
 
         Raises:
             InvalidValueError: one is not among the accepted tosses.
         """
+        ids = tuple(dict.fromkeys(ids))
         absent = [toss_id for toss_id in ids if toss_id not in self.by_id]
         if absent:
             raise InvalidValueError("tosses", f"no {listed(absent)}", f"ids among the {counted_tosses(len(self))} accepted")
@@ -270,9 +282,16 @@ def input_paths(inputs: Inputs) -> tuple[Path, ...]:
     """
     several = list(inputs) if isinstance(inputs, Iterable) and not isinstance(inputs, str | PathLike) else [inputs]
     for one in several:
-        if one == "" or not isinstance(one, str | PathLike):
-            raise InvalidValueError("inputs", shortened(repr(one)), PATHS_EXPECTED)
+        path_of("inputs", one, PATHS_EXPECTED)
     return tuple(path for one in several for path in ([one] if isinstance(one, Address) else matching(fspath(one))))
+
+
+def checked_tosses(name: str, given: object) -> tuple[Toss, ...]:
+    """The tosses that a user gives; InvalidValueError where something else is among them."""
+    several = tuple(given) if isinstance(given, Iterable) else (given,)
+    if not all(isinstance(one, Toss) for one in several):
+        raise InvalidValueError(name, shortened(repr(given)), "tosses, such as those of `read`")
+    return several
 
 
 def _read(

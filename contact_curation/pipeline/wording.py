@@ -39,7 +39,7 @@ def in_brackets(reasons: Mapping[str, int]) -> str:
 
 def json_line(content: Mapping[str, Any]) -> str:
     """One JSON object on one line, in ASCII, whatever files are called; numbers that JSON does not have become null."""
-    return json.dumps(_plain(content), allow_nan=False)
+    return json.dumps(plain_json(content), allow_nan=False)
 
 
 def nothing_found(paths: Sequence[Path | str], warnings: Sequence[str], found: str, expected: str) -> NothingFoundError:
@@ -54,11 +54,12 @@ def nothing_found(paths: Sequence[Path | str], warnings: Sequence[str], found: s
     return NothingFoundError(str(InvalidValueError("inputs", found, expected)), warnings)
 
 
-def _plain(value: Any) -> Any:
+def plain_json(value: Any) -> Any:
+    """Of mappings, lists, texts and numbers what JSON has: numbers that are not finite become None."""
     if isinstance(value, Mapping):
-        return {str(name): _plain(part) for name, part in value.items()}
+        return {str(name): plain_json(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(part) for part in value]
+        return [plain_json(part) for part in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

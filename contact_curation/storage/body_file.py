@@ -4,6 +4,7 @@ from pathlib import Path
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.body_writers import FORMATS, MESH, written_body
+from contact_curation.errors import InvalidValueError
 from contact_curation.files import write_atomically
 from contact_curation.storage.outputs import sealed
 from contact_curation.storage.saved_path import saved_path
@@ -38,6 +39,8 @@ def write_body(path: str | Path, body: Body, *, restitution: float | None = None
         >>> cc.write_body("cube.xml", body)
         ('length scale 0.0524 m is not in the file: the format has none',)
     """
+    if not isinstance(body, Body):
+        raise InvalidValueError("body", repr(body), "a Body, such as Body.from_file reads")
     path = saved_path(path, FORMATS, overwrite=overwrite)
     for beside in body_paths(path)[:-1]:
         saved_path(beside, (MESH,), overwrite=overwrite)

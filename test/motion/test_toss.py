@@ -1,10 +1,14 @@
 """A toss is checked when it is made, and known by its digest."""
 
+import copy
+import pickle
+import re
 from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
@@ -47,12 +51,26 @@ def test_first_poses_are_part_of_the_identity_only_where_stamps_are_no_wall_time
         ({"stamps_ns": None}, "toss stamps: found None, expected whole numbers"),
         ({"stamps_ns": [0, 1, 2, 3, 2**63]}, "expected whole numbers of nanoseconds below"),
         ({"stamps_ns": np.arange(5) + 0.5}, "expected whole numbers of nanoseconds"),
+        *(
+            ({"stamps_ns": stamps}, "toss stamps: found .*, expected whole numbers of nanoseconds")
+            for stamps in ([False, True], np.arange(5).astype("timedelta64[ns]"), np.arange(5).astype(complex))
+        ),
+        ({"stamps_ns": 2.0**53 + 2.0 * np.arange(5)}, r"found floats above 2\^53, which are rounded, expected integers"),
         *(({"toss_id": name}, "toss_id: found .*, expected a text of one line") for name in (None, "", "a\nb", 7)),
+        ({"source": None}, "source: found None, expected a text$"),
         ({"body": None}, "body: found None, expected a text of one line"),
         ({"frame_period": 0.0}, "frame_period: found 0.0"),
         ({"frame_period": "soon"}, "frame_period: found soon, expected numbers"),
         ({"frame_period": np.ones(2)}, "frame_period: found .*, expected one number"),
         ({"positions": [[1.0], [1.0, 2.0]]}, "toss positions: found .*, expected numbers"),
+        *(
+            ({"positions": np.ones((5, 3)).astype(kind)}, f"toss positions: found {re.escape(kind)} .*, expected numbers")
+            for kind in ("bool", "complex128", "datetime64[s]", "timedelta64[ns]")
+        ),
+        ({"positions": np.array([[True] * 3] * 5, object)}, "toss positions: found .*, expected numbers"),
+        ({"positions": np.ma.masked_less(np.eye(5)[:, :3], 0.5)}, r"toss positions: found masked .*, expected numbers"),
+        ({"positions": [[np.ma.masked] * 3] * 5}, "toss positions: found .*, expected numbers"),
+        ({"positions": torch.ones(5, 3, requires_grad=True)}, r"found a tensor that NumPy cannot read, .* tensor\.detach"),
         ({"positions": np.full((5, 3), np.nan)}, "toss positions: found a value that is not finite"),
         ({"angular_velocities": np.zeros((4, 3))}, r"found shape \(4, 3\), expected \(5, 3\)"),
         ({"orientations_wxyz": np.full((5, 4), 0.51)}, "quaternion norm"),
@@ -71,6 +89,24 @@ def test_a_toss_keeps_copies_that_cannot_be_written_to() -> None:
         assert not (getattr(toss, name) == 7).any()
         with pytest.raises(ValueError, match="read-only"):
             getattr(toss, name)[0] = 7
+
+
+def test_a_toss_that_was_pickled_or_copied_cannot_be_written_to_either() -> None:
+    toss = made()
+    for again in (pickle.loads(pickle.dumps(toss)), copy.deepcopy(toss), copy.copy(toss)):
+        assert again.digest() == toss.digest()
+        with pytest.raises(ValueError, match="read-only"):
+            again.positions[0] = 7
+
+
+def test_texts_of_numpy_are_texts_like_others() -> None:
+    toss = made(**{name: np.str_(getattr(made(), name)) for name in ("toss_id", "body", "source")})
+    assert (toss.digest(), type(toss.toss_id)) == (made().digest(), str)
+
+
+def test_a_toss_is_shown_in_one_line() -> None:
+    assert repr(made()) == "<toss 7 of cube: 5 frames in 0.03 s>"
+    assert repr(Rejected(made(), ("gap: found 1 s",))) == "<rejected toss 7 of cube: 5 frames in 0.03 s; gap: found 1 s>"
 
 
 def test_every_field_is_in_the_digest() -> None:

@@ -512,8 +512,12 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
         lambda tosses: ANY.rank(tosses, seed=1.5),
         lambda tosses: ANY.rank(tosses, criterion=None),
         lambda tosses: ANY.rank(tosses, model=3),
-        *(lambda tosses, spec=spec: ANY.rank(tosses, held_out=spec) for spec in (True, -1, 1.5, [], ["a"], Path("none"))),
+        *(
+            lambda tosses, spec=spec: ANY.rank(tosses, held_out=spec)
+            for spec in (True, -1, 1.5, [], ["a"], Path("none"), b"0-3", np.array(1))
+        ),
         lambda tosses: ANY.train(tosses, steps=1.5),
+        lambda tosses: ANY.train(tosses, protocol="exact", steps=1),
         lambda tosses: ANY.train(tosses, steps=1, seed=-1),
         lambda tosses: ANY.train(tosses, start=3),
         *(lambda tosses, count=count: ANY.design(throws=count) for count in (0, 1.5, "2")),
@@ -522,7 +526,13 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
         *(lambda tosses, some=some: ANY.rank(some(tosses)) for some in (lambda _: None, lambda given: given.accepted)),
         lambda tosses: ANY.score(ANY.rank(tosses)),
         lambda tosses: ANY.train(list(tosses.accepted)),
-        lambda tosses: ANY.read(5),
+        *(lambda tosses, inputs=inputs: ANY.read(inputs) for inputs in (5, np.zeros((2, 2)), "a\0")),
+        lambda tosses: ANY.Tosses.of([1], tosses.body),
+        lambda tosses: ANY.Tosses.of(tosses, "none.yaml"),
+        *(lambda tosses, body=body: ANY.write_body("b.xml", body) for body in ("cube.yaml", None)),
+        lambda tosses: ANY.write_poses(None, [0.0], np.zeros((1, 3)), [[1.0, 0.0, 0.0, 0.0]], tosses.body),
+        lambda tosses: ANY.rank(tosses).save("a" * 400 + ".json"),
+        *(lambda tosses, read=read: read(None) for read in (cc.Body.from_file, cc.Body.from_mapping, cc.load_model)),
         lambda tosses: ANY.read("session.mcap", config=[]),
         *(
             lambda tosses, path=path, value=value: ANY.read("session.mcap", config={path: value})
@@ -531,6 +541,8 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
                 ("gates.depth", -1.0),
                 ("gates.depth", "deep"),
                 ("rig.normal", "up"),
+                ("poses.topic", 5),
+                ("gates.depth", 10**400),
                 (5, 1),
             )
         ),
@@ -539,14 +551,48 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
         lambda tosses: ANY.train(tosses, shape_known_to="1 mm"),
         lambda tosses: ANY.train(tosses, restitution="no"),
         lambda tosses: ANY.design(arm="no"),
+        *(
+            lambda tosses, path=path, overwrite=overwrite: ANY.rank(tosses).save(path, overwrite=overwrite)
+            for path, overwrite in (("none.json", "no"), (None, True), (3, False))
+        ),
         lambda tosses: tosses.only(["cube-0"]),
         lambda tosses: ANY.load_model("none.safetensors"),
         lambda tosses: ANY.Body.from_file("none.yaml"),
     ],
 )
 def test_what_is_not_accepted_is_an_error_of_ours(tosses: cc.Tosses, call: Any) -> None:
-    with pytest.raises(ContactCurationError):
+    with pytest.raises(ContactCurationError, match=r"^.+$"):
         call(tosses)
+
+
+def test_what_is_meant_is_accepted(golden_bag: Path, tosses: cc.Tosses, tmp_path: Path) -> None:
+    assert ANY.score(tosses, device=torch.device("cpu")).version == cc.score(tosses).version
+    assert ANY.read(golden_bag, progress=None).ids == tosses.ids
+    assert cc.check(golden_bag, tosses.body, most_messages=10**20).ok
+    ANY.rank(tosses).save(tmp_path / "m.json", overwrite=np.True_)
+    cc.write_body(tmp_path / "cube.yaml", tosses.body)
+    assert cc.Tosses.of(tosses, tmp_path / "cube.yaml").ids == tosses.ids
+
+
+def test_each_toss_counts_once(tosses: cc.Tosses) -> None:
+    first, second = tosses.ids[:2]
+    assert tosses.only(toss_id for toss_id in (second, first, second)).ids == (second, first)
+    assert len(tosses.only([first] * 3)) == len(tosses.only([first] * 3).accepted) == 1
+    assert cc.design(known=[tosses.by_id[first]] * 2, throws=1, method="prior").known == 1
+
+
+def test_a_result_is_not_changed_by_what_it_hands_out(tosses: cc.Tosses) -> None:
+    ranking, info = cc.rank(tosses, 4), cc.score(tosses)
+    document = ranking.document()
+    before = json.dumps(document, allow_nan=False)
+    assert document["influence_bound"] is None  # not inf, as the command has it
+    document["outcomes"].clear()
+    document["rejected"][0]["reasons"].clear()
+    ranking.outcomes.clear()
+    assert json.dumps(ranking.document()) == before
+    assert not hasattr(tosses.by_id, "clear")
+    for array in (info.scores, info.factors[0], info.losses[0]):
+        assert not array.flags.writeable
 
 
 @pytest.mark.parametrize("more", [-1, 0, 1.5])

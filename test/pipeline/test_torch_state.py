@@ -24,6 +24,10 @@ def results(few: cc.Tosses, folder: Path) -> list[bytes]:
     path, model = folder / "m.safetensors", cc.train(few, "deep", steps=1)
     model.save(path, overwrite=True)
     loaded, scores, evaluation = cc.load_model(path), cc.score(few, model=path), cc.evaluate(model, few)
+    polytope = cc.train(few, steps=1)
+    polytope.learned_body()
+    cc.evaluate(polytope, few)
+    assert polytope.restitution is None
     return [model.data, repr(loaded.model.tensors()).encode(), scores.scores.tobytes(), repr(evaluation.document()).encode()]
 
 

@@ -58,7 +58,8 @@ class Device:
     memory_mb: int | None = None
 
     def __post_init__(self) -> None:
-        if not re.fullmatch(r"cpu|cuda(:\d+)?", str(self.name)):
+        object.__setattr__(self, "name", str(self.name))  # a torch.device, too
+        if not re.fullmatch(r"cpu|cuda(:\d+)?", self.name):
             raise InvalidValueError("device", self.name, "cpu, cuda or cuda:N")
         if self.memory_mb is not None and self.memory_mb < 0:
             raise InvalidValueError("device memory", self.memory_mb, "at least 0 MB")

@@ -1,6 +1,7 @@
 """`check`: one line of verdict, the reasons, the settings that mend what was found, and the command to type next."""
 
 import shlex
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -55,6 +56,9 @@ class Diagnosis:
         del found["warnings"]
         return found
 
+    def __repr__(self) -> str:
+        return f"<{self.verdict}>"
+
     def __str__(self) -> str:
         mends = [f"settings: {self.settings}"] if self.settings else []
         commands = [f"next: {self.next}"] if self.next else []
@@ -84,7 +88,7 @@ def diagnose(
     if not paths:
         raise InvalidValueError("inputs", "none", "at least one recording")
     whole_number("most_messages", most_messages, 1)
-    share = max(FEWEST_MESSAGES, most_messages // len(paths))
+    share = min(max(FEWEST_MESSAGES, most_messages // len(paths)), sys.maxsize)
     recordings = tuple(each(partial(_read, config, share), list(paths), 1, advance))
     return concluded(Evidence(config, recordings), words)
 

@@ -1,11 +1,13 @@
 """Poses in arrays, written as a bag: how poses that are no recording yet get to everything that reads recordings."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.numbers import numbers
 from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.carried_body import GivenBody, body_of
@@ -30,7 +32,7 @@ def write_poses(
 
     Args:
         path: of the bag, ``*.mcap``.
-        times: (T,) of the poses, ascending [s].
+        times: (T,) of the poses, from 0 on, ascending [s].
         positions: (T, 3) of the body's frame, z up and 0 on the board [m].
         orientations_wxyz: (T, 4) unit quaternions that take the body's frame to the board's.
         body: the tracked object, or its file; only its name counts.
@@ -40,8 +42,8 @@ def write_poses(
         The number of poses written. Poses that are not finite, as where a tracker lost the body, are left out.
 
     Raises:
-        InvalidValueError: shapes that do not go together, times that do not ascend, quaternions whose length is not 1, or a
-            file that must not be replaced or cannot be written.
+        InvalidValueError: shapes that do not go together, times that are negative or do not ascend, quaternions whose length
+            is not 1, or a file that must not be replaced or cannot be written.
 
     Examples:
         >>> times = np.arange(500) / 100.0
@@ -50,7 +52,8 @@ def write_poses(
         >>> cc.write_poses("lying.mcap", times, positions, orientations_wxyz, body)
         500
     """
-    stamps, places, turns = (np.asarray(values, dtype=float) for values in (times, positions, orientations_wxyz))
+    given = {"times": times, "positions": positions, "orientations_wxyz": orientations_wxyz}
+    stamps, places, turns = (numbers(name, values) for name, values in given.items())
     count = stamps.size
     shapes = {"times": (stamps, (count,)), "positions": (places, (count, 3)), "orientations_wxyz": (turns, (count, 4))}
     for name, (values, shape) in shapes.items():
@@ -58,15 +61,19 @@ def write_poses(
             raise InvalidValueError(name, f"shape {values.shape}", f"{shape}" if count else "at least one pose")
     known = np.isfinite(np.column_stack([stamps, places, turns])).all(axis=1)
     stamps, places, turns = stamps[known], places[known], turns[known]
-    if np.any(np.diff(stamps) <= 0.0):
-        first = int(np.flatnonzero(np.diff(stamps) <= 0.0)[0])
-        raise InvalidValueError("times", f"{stamps[first]:.9g} s and then {stamps[first + 1]:.9g} s", "times that ascend")
+    stamps_ns = [round(stamp * NANOSECONDS) for stamp in stamps.tolist()]
+    for one, after in pairwise(stamps_ns):
+        if after <= one:
+            found = f"{one / NANOSECONDS:.9g} s and then {after / NANOSECONDS:.9g} s"
+            raise InvalidValueError("times", found, "times that ascend, by 1 ns at least")
+    if stamps_ns and stamps_ns[0] < 0:
+        raise InvalidValueError("times", f"{stamps[0]:.9g} s", "times of at least 0 s")
     off = np.linalg.norm(turns, axis=1) - 1.0
     if np.any(np.abs(off) > UNIT):
         raise InvalidValueError("orientations_wxyz", f"length {1.0 + off[np.abs(off).argmax()]:.3g}", "unit quaternions")
     stamped = (
-        (round(stamp * NANOSECONDS), ScalarPose((x, y, z), (qw, qx, qy, qz)))
-        for stamp, (x, y, z), (qw, qx, qy, qz) in zip(stamps.tolist(), places.tolist(), turns.tolist())
+        (stamp_ns, ScalarPose((x, y, z), (qw, qx, qy, qz)))
+        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(stamps_ns, places.tolist(), turns.tolist())
     )
     with BagWriter(saved_path(path, (".mcap",), overwrite=overwrite)) as bag:
         return PoseWriter(bag, body_of(body)).write(stamped)

@@ -3,6 +3,7 @@
 import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -255,6 +256,10 @@ def test_poses_in_arrays_are_written_likewise(poses: Poses, tosses: cc.Tosses, t
     [
         ([0.0, 1.0], np.zeros((3, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), r"positions: found shape \(3, 3\), expected \(2, 3\)"),
         ([1.7e18, 1.71e18], np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), r"times: found 1.7e\+18 s, expected less than"),
+        ([-5.0, 0.0], np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), "times: found -5 s, expected times of at least 0 s"),
+        ([0.5, 0.5 + 1e-10], np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), "times that ascend, by 1 ns at least"),
+        ([0.0, 1.0], [[0.0], [1.0, 2.0]], np.tile([1.0, 0, 0, 0], (2, 1)), "positions: found .*, expected numbers"),
+        (iter([0.0, 1.0]), np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), "times: found .*, expected numbers"),
         ([0.0, 0.0], np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), "times: found 0 s and then 0 s, expected times that"),
         (
             [0.0, 1.0],
@@ -265,9 +270,7 @@ def test_poses_in_arrays_are_written_likewise(poses: Poses, tosses: cc.Tosses, t
         ([], np.zeros((0, 3)), np.zeros((0, 4)), "at least one pose"),
     ],
 )
-def test_arrays_that_are_no_poses_are_refused(
-    times: list[float], positions: np.ndarray, orientations: np.ndarray, said: str, tmp_path: Path
-) -> None:
+def test_arrays_that_are_no_poses_are_refused(times: Any, positions: Any, orientations: Any, said: str, tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match=said):
         cc.write_poses(tmp_path / "poses.mcap", times, positions, orientations, CONTACTNETS_CUBE)
     assert not list(tmp_path.iterdir())
