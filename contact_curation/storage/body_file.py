@@ -6,6 +6,7 @@ from contact_curation.contact.body import Body
 from contact_curation.contact.body_writers import FORMATS, MESH, written_body
 from contact_curation.errors import InvalidValueError
 from contact_curation.files import write_atomically
+from contact_curation.geometry.numbers import number
 from contact_curation.storage.outputs import sealed
 from contact_curation.storage.saved_path import saved_path
 
@@ -41,6 +42,7 @@ def write_body(path: str | Path, body: Body, *, restitution: float | None = None
     """
     if not isinstance(body, Body):
         raise InvalidValueError("body", repr(body), "a Body, such as Body.from_file reads")
+    restitution = None if restitution is None else number("restitution", restitution)
     path = saved_path(path, FORMATS, overwrite=overwrite)
     for beside in body_paths(path)[:-1]:
         saved_path(beside, (MESH,), overwrite=overwrite)

@@ -64,7 +64,7 @@ def write_poses(
     stamps_ns = [round(stamp * NANOSECONDS) for stamp in stamps.tolist()]
     for one, after in pairwise(stamps_ns):
         if after <= one:
-            found = f"{one / NANOSECONDS:.9g} s and then {after / NANOSECONDS:.9g} s"
+            found = f"{one / NANOSECONDS:.16g} s and then {after / NANOSECONDS:.16g} s"
             raise InvalidValueError("times", found, "times that ascend, by 1 ns at least")
     if stamps_ns and stamps_ns[0] < 0:
         raise InvalidValueError("times", f"{stamps[0]:.9g} s", "times of at least 0 s")
