@@ -21,8 +21,8 @@ FIRST_WALL_TIME_NS = 10**9 * NANOSECONDS
 """[ns] September 2001: earlier stamps do not come from a clock that was set, such as those of a simulation that begins at 0."""
 
 
-LARGEST_EXACT = 2**53
-"""Up to which every whole number is a float."""
+INEXACT_FROM = 2**53
+"""Below it every whole number is a float."""
 
 
 def toss_identity(body: str, source: str, first_stamp_ns: int, first_poses: Sequence[float] = ()) -> str:
@@ -137,7 +137,7 @@ class Toss:
 def _stamps(value: object) -> NDArray[np.int64]:
     """A copy of stamps that cannot be written to; InvalidValueError where a number is not whole or has over 63 bits.
 
-    Floats above 2^53 are rounded, and are refused.
+    Floats from 2^53 on are rounded, and are refused.
     """
     try:
         given = plain(value)
@@ -147,8 +147,8 @@ def _stamps(value: object) -> NDArray[np.int64]:
         raise InvalidValueError("toss stamps", shortened(value), "whole numbers of nanoseconds") from error
     if not np.array_equal(stamps, given):
         raise InvalidValueError("toss stamps", shortened(value), "whole numbers of nanoseconds below 2^63")
-    if given.dtype.kind == "f" and np.abs(given).max(initial=0.0) > LARGEST_EXACT:
-        raise InvalidValueError("toss stamps", "floats above 2^53, which are rounded", "integers of nanoseconds")
+    if given.dtype.kind == "f" and np.abs(given).max(initial=0.0) >= INEXACT_FROM:
+        raise InvalidValueError("toss stamps", "floats from 2^53 on, which are rounded", "integers of nanoseconds")
     return stamps
 
 

@@ -4,14 +4,16 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from typing import Any
 
 
 class _OfThisThread(threading.local):
     inside = False
 
 
-_here, _lock, _before = _OfThisThread(), threading.Lock(), list[tuple[int, object]]()
-"""What the process had before the first of the calls under way, once for each of them."""
+_here, _lock = _OfThisThread(), threading.Lock()
+_before = list[tuple[int, Any]]()
+"""For each call under way the number of threads and the default type that the process had before the first of them."""
 
 
 @contextmanager
@@ -21,15 +23,13 @@ def own_torch() -> Iterator[None]:
     Threads that share busy cores wait for each other, and sums would depend on their number. That number and the default type
     belong to the process: of calls that overlap in several threads the first one notes them, and the last one restores them.
     """
-    torch = sys.modules.get("torch")
-    if torch is None or _here.inside:
+    if "torch" not in sys.modules or _here.inside:
         yield
         return
+    import torch  # waits for a thread that is importing it
+
     with _lock:
-        now = (
-            torch.get_num_threads(),
-            torch.get_default_dtype(),
-        )  # asked first, a new thread does not take the process's later
+        now = torch.get_num_threads(), torch.get_default_dtype()  # unasked, a new thread would take the process's number later
         _before.append(_before[0] if _before else now)
         torch.set_num_threads(1)
         torch.set_default_dtype(torch.float32)
