@@ -180,28 +180,81 @@ def test_networks_of_the_published_protocol_are_those_of_five_seeds(model: str, 
     assert counted == 3 * rules * 3
 
 
+def of_pool(rule: str, fault: str, share: float, gated: bool, measure: str) -> dict[int, float]:
+    """What the seeds gave with such a pool."""
+    key = (rule, fault, share, str(gated))
+    found = (row for row in rows("robustness") if (row["rule"], row["fault"], float(row["share"]), row["gated"]) == key)
+    values = {int(row["seed"]): float(row[measure]) for row in found}
+    assert len(values) == 10, key
+    return values
+
+
+def beside_clean(rule: str, fault: str, share: float, gated: bool, measure: str) -> float:
+    """Median ratio to the same seed's clean pool."""
+    clean = of_pool(rule, "", 0.0, True, measure)
+    return float(np.median([bad / clean[seed] for seed, bad in of_pool(rule, fault, share, gated, measure).items()]))
+
+
+def tables_of_bad_tosses(first: str) -> list[list[list[str]]]:
+    """Cells of the tables whose heads begin so, head and all."""
+    found = re.findall(rf"^\| {first} \|.*?\n\n", section("Bad tosses in the pool") + "\n", re.DOTALL | re.MULTILINE)
+    lines = ([re.sub(r"[*%]", "", line).strip("|").split("|") for line in table.strip().splitlines()] for table in found)
+    return [[[cell.strip() for cell in line] for line in table if not line[0].startswith("-")] for table in lines]
+
+
+WORST = ("rotation", "vertices", "position", "penetration")
+
+
 def test_bad_tosses_cost_what_the_page_says() -> None:
-    found = [row for row in rows("robustness") if row["rule"] == "representative"]
+    (table,) = tables_of_bad_tosses("bad")
+    faults = {row["fault"] for row in rows("robustness") if row["fault"]}
+    assert len(faults) == 6
+    assert len(table) == 7
+    for share, gates, *numbers in table[1:]:
+        for measure, number in zip(WORST, numbers, strict=True):
+            pool = (float(share) / 100.0, gates == "with", measure)
+            worst = max(beside_clean("representative", fault, *pool) for fault in faults)
+            assert worst == pytest.approx(float(number), abs=0.0051), (share, gates, measure)
 
-    def values(fault: str, share: float, gated: bool, measure: str) -> dict[int, float]:
-        chosen = (row for row in found if (row["fault"], float(row["share"]), row["gated"]) == (fault, share, str(gated)))
-        return {int(row["seed"]): float(row[measure]) for row in chosen}
 
-    text = section("Bad tosses in the pool")
-    table = re.search(r"\| bad \| gates \|.*?\n\|[-|]+\n(.*?)\n\n", text, re.DOTALL)
-    assert table
-    for line in table[1].splitlines():
-        percent, gates, *numbers = [cell.strip() for cell in line.strip("|").split("|")]
-        share, gated = float(percent.split(" ")[0]) / 100.0, gates == "with"
-        for measure, number in zip(("rotation", "vertices", "position", "penetration"), numbers, strict=True):
-            clean = values("", 0.0, True, measure)
-            faults = {row["fault"] for row in found if row["fault"]}
-            assert (len(clean), len(faults)) == (10, 6)
-            worst = max(
-                float(np.median([bad / clean[seed] for seed, bad in values(fault, share, gated, measure).items()]))
-                for fault in faults
-            )
-            assert worst == pytest.approx(float(number), abs=0.0051), (line, measure)
+def test_each_fault_costs_what_the_page_says() -> None:
+    first, second = tables_of_bad_tosses("fault")
+    assert len(first) == len(second) == 8
+
+    def said(measure: str, digits: int, fault: str) -> str:
+        pool = (0.05, True) if fault else (0.0, True)
+        median = f"{np.median([*of_pool('representative', fault, *pool, measure).values()]):.{digits}f}"
+        return f"{median} ({beside_clean('representative', fault, *pool, measure):.2f}" if fault else median
+
+    for line, other in zip(first[1:], second[1:], strict=True):
+        assert line[0] == other[0]
+        fault = line[0].partition(":")[0].replace("none", "")
+        numbers = [said(measure, 1, fault) for measure in ("rotation", "vertices", "position")]
+        assert [cell.partition(")")[0] for cell in line[3:]] == numbers, line
+        assert re.split(r"[;)]", other[1])[0] == said("penetration", 2, fault), other
+        if fault:
+            shares = [
+                np.mean([*of_pool("representative", fault, 0.05, gated, measure).values()])
+                for gated, measure in ((True, "gate_hits"), (True, "selected_bad"), (False, "selected_bad"))
+            ]
+            assert [float(cell) for cell in (*line[1:3], other[2])] == pytest.approx(100.0 * np.array(shares), abs=0.51)
+            ratios = [beside_clean("representative", fault, 0.05, False, measure) for measure in WORST]
+            assert [float(cell) for cell in other[3:]] == pytest.approx(ratios, abs=0.0051), other
+
+
+def test_bad_tosses_cost_every_rule_what_the_page_says() -> None:
+    of_rules, counted = tables_of_bad_tosses("rule"), 0
+    for share, table in zip((0.05, 0.05, 0.1, 0.1), of_rules, strict=True):
+        rule = ""
+        for name, gates, *cells in table[1:]:
+            rule = name or rule
+            for fault, cell in zip(table[0][2:], cells, strict=True):
+                pool = (rule, fault, share, gates == "with")
+                bad, *ratios = (float(number) for number in cell.split(","))
+                assert bad == pytest.approx(100.0 * np.mean([*of_pool(*pool, "selected_bad").values()]), abs=0.51), pool
+                assert ratios == pytest.approx([beside_clean(*pool, name) for name in ("position", "vertices")], abs=0.0051)
+                counted += 1
+    assert counted == 2 * 5 * 2 * 6
 
 
 def test_the_tables_of_ways_to_throw_are_those_of_the_stored_rows() -> None:
