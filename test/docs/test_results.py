@@ -257,6 +257,25 @@ def test_bad_tosses_cost_every_rule_what_the_page_says() -> None:
     assert counted == 2 * 5 * 2 * 6
 
 
+def test_the_tables_of_false_alarms_are_those_of_their_rows() -> None:
+    found = rows("gate_false_alarms")
+    text = (DOCS / "explanation/data.md").read_text().partition("## What the quality checks reject")[2]
+    rejected, tosses = (sum(int(row[name]) for row in found) for name in ("rejected", "tosses"))
+    assert f"In one run {rejected} of {tosses:,} tosses ({100.0 * rejected / tosses:.2f} %)" in text
+    tables = re.findall(r"^\| (?:body|rate, noise) \|.*?\n\n", text, re.DOTALL | re.MULTILINE)
+    bodies, faults = (
+        [[cell.strip() for cell in line.strip("|").split("|")] for line in table.strip().splitlines()] for table in tables
+    )
+    for body, *cells in bodies[2:]:
+        own = [row for row in found if row["body"] == body.replace(" ", "_")]
+        assert cells == [", ".join(row["rejected"] for row in own if f"{row['rate']} Hz" == rate) for rate in bodies[0][1:]]
+    for cell, *shares in faults[2:]:
+        own = [row for row in found if f"{row['rate']} Hz, {float(row['noise']):g} times" == cell]
+        assert len(own) == len(bodies) - 2 == 9
+        means = [100.0 * float(np.mean([float(row[fault]) for row in own])) for fault in faults[0][1:]]
+        assert [float(share.removesuffix(" %")) for share in shares] == pytest.approx(means, abs=0.51), cell
+
+
 def test_the_tables_of_ways_to_throw_are_those_of_the_stored_rows() -> None:
     page = (DOCS / "reference" / "ways_to_throw.md").read_text()
     texts = ("world", "rule")
