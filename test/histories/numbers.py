@@ -170,6 +170,7 @@ class ScriptedTraining:
     seed: int
     steps: int = 0
     end: int = -1
+    at_optimum: bool = False
 
     def __post_init__(self) -> None:
         self.end = self.config.steps if self.end < 0 else self.end
