@@ -13,8 +13,8 @@ half judge, and fits begin at the shape as described, for a plane says nothing o
 above the table: a body that stays where it was released, and one that lies where it ends from the start. Told is the
 restitution that `train` names where a rigid form is fitted without one.
 
-    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds motions]
-        [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]
+    python -m benchmarks.learning.bounce [--planar FILE.npz] [--arms plain merged bounce bounce-merged rebounds differences
+        motions] [--sizes 16 0] [--seeds 3] [--save ROWS.jsonl]
 """
 
 import argparse
@@ -40,8 +40,8 @@ from contact_curation.information.impacts import merged_impacts
 from contact_curation.learning.evaluation.evaluation import EvaluationConfig, evaluate_model
 from contact_curation.learning.evaluation.rebounds import rebound_of, rebounds
 from contact_curation.learning.evaluation.without_model import plain_errors
+from contact_curation.learning.fits.exact_fit import corrected_by_motions
 from contact_curation.learning.fits.held_fit import fit_held
-from contact_curation.learning.fits.restitution_by_motions import restitution_by_motions
 from contact_curation.learning.uncertainty.bounce import bounce_of
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Toss
@@ -92,10 +92,7 @@ def fitted(arm: str, tosses: Sequence[Toss], body: Body, seed: int, spread: floa
         start, config = replace(start, restitution=seen.restitution), replace(config, restitution_spread=seen.error)
     origin = PolytopeModel(start, body, form)
     model = fit_held(origin, data, config).model
-    if arm != "motions":
-        return model
-    chosen = model.bouncing(restitution_by_motions(model, successive, ONE_THREAD))
-    return fit_held(chosen, data, replace(config, restitution_held=True), origin).model
+    return corrected_by_motions(model, origin, data, successive, config)[0].model if arm == "motions" else model
 
 
 def run(arm: str, size: int, seed: int, tosses: Tosses) -> Row:

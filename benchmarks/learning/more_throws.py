@@ -6,8 +6,7 @@ With --selected the n tosses are those that the default rule selects of 3 n rand
 the n of 6 n, which contain the 3 n; fits leave out what they explain worst, as the trainer's.
 
 The bodies are those of `reproduce` (experiments/bodies.py): the real cube, tosses below 400 only, and bodies of MuJoCo. A third
-of the tosses judges. The cube's tosses are found through CONTACTNETS_DATA. The worlds of `coverage` that bounce are others;
-their models have a restitution, which first impacts show, as in `train`.
+of the tosses judges. The cube's tosses are found through CONTACTNETS_DATA.
 
     python -m benchmarks.learning.more_throws [--bodies cube ...] [--sizes 8 16 32] [--seeds 10] [--selected] [--save ROWS]
 
@@ -23,7 +22,6 @@ import numpy as np
 import torch
 
 from benchmarks._saved_rows import Row, SavedRows
-from benchmarks.learning.coverage import WORLDS
 from contact_curation.contact.models.polytope import PolytopeModel, initial_geometry
 from contact_curation.contact.parameter_form import Form
 from contact_curation.experiments.bodies import bench_of
@@ -35,17 +33,10 @@ from contact_curation.learning.fits.exact_fit import optimum, theta_0
 from contact_curation.learning.training.protocols import ROUND_TRIMMED
 from contact_curation.learning.training.reranking import EXACT_SELECTIONS
 from contact_curation.learning.uncertainty.more_throws import more_throws, motion_change
-from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 
 BODIES = ("cube", "slab", "wedge", "irregular")
-BOUNCING = tuple(name for name in WORLDS if name.endswith("bouncing"))
-"""Are made with --bodies only."""
-
-THROWN = 240
-"""Tosses of a world that bounces."""
-
 CONFIG = EvaluationConfig(loss=ONE_THREAD)
 JUDGES = 32
 """Tosses whose motions are predicted."""
@@ -56,19 +47,10 @@ POOL = 3
 MEASURES = ("position", "rotation")
 
 
-def bench_named(name: str) -> Bench:
-    """A body's tosses, of which a third judges."""
-    if name not in BOUNCING:
-        return bench_of(name, 0)
-    world = WORLDS[name]
-    return Bench(world.body, world.tosses(THROWN, 0), (), GateConfig()).divided(0)
-
-
-def theta_0_of(name: str, bench: Bench, seed: int) -> PolytopeModel:
+def theta_0_of(bench: Bench, seed: int) -> PolytopeModel:
     """Where fits start."""
     drawn = initial_geometry(bench.body, Form.RIGID, bench.pivot, np.random.default_rng(seed))
-    model = theta_0(PolytopeModel(drawn, bench.body, Form.RIGID))
-    return model.bouncing() if name in BOUNCING else model
+    return theta_0(PolytopeModel(drawn, bench.body, Form.RIGID))
 
 
 def data_of(tosses: Sequence[Toss], start: PolytopeModel) -> Transitions:
@@ -78,35 +60,34 @@ def data_of(tosses: Sequence[Toss], start: PolytopeModel) -> Transitions:
 
 def fitted(tosses: Sequence[Toss], start: PolytopeModel, trimmed: float) -> PolytopeModel:
     """The optimum of some tosses."""
-    seen = transitions_of(tosses, start.body.length_scale)
-    return optimum(start, data_of(tosses, start), ONE_THREAD, trimmed, seen=seen).model
+    return optimum(start, data_of(tosses, start), ONE_THREAD, trimmed).model
 
 
-def selected(tosses: Sequence[Toss], start: PolytopeModel, size: int) -> tuple[Toss, ...]:
-    """Those that the default rule keeps, each time at the optimum of the ones before."""
+def selected(tosses: Sequence[Toss], start: PolytopeModel, size: int) -> tuple[tuple[Toss, ...], PolytopeModel]:
+    """Those that the default rule keeps, each time at the optimum of the ones before, and their optimum."""
     kept: tuple[Toss, ...] = ()
     model = start
     for _ in range(EXACT_SELECTIONS):
         ids = set(select(RULES[OURS], model, tosses, size, 0))
         kept = tuple(toss for toss in tosses if toss.toss_id in ids)
         model = fitted(kept, start, ROUND_TRIMMED)
-    return kept
+    return kept, model
 
 
 def rows_of(name: str, bench: Bench, sizes: Sequence[int], seed: int, by_rule: bool) -> list[Row]:
     """What was said and what came, for each number of tosses."""
     order = np.random.default_rng([seed, 7]).permutation(len(bench.training))
-    thrown, start = tuple(bench.training[place] for place in order), theta_0_of(name, bench, seed)
-    rows, judges, trimmed = list[Row](), bench.held_out[:JUDGES], ROUND_TRIMMED if by_rule else 0.0
+    thrown, start = tuple(bench.training[place] for place in order), theta_0_of(bench, seed)
+    rows, judges = list[Row](), bench.held_out[:JUDGES]
     for size in sizes:
         if by_rule:
-            now, later = (selected(thrown[: times * POOL * size], start, size) for times in (1, 2))
+            (now, model), (_, later) = (selected(thrown[: times * POOL * size], start, size) for times in (1, 2))
         else:
-            now, later = thrown[:size], thrown[: 2 * size]
-        model = fitted(now, start, trimmed)
+            now = thrown[:size]
+            model, later = (fitted(thrown[: times * size], start, 0.0) for times in (1, 2))
         said = more_throws(model, data_of(now, start), judges, CONFIG)
         assert said is not None
-        actual = dict(zip(MEASURES, motion_change(model, fitted(later, start, trimmed), judges, CONFIG), strict=True))
+        actual = dict(zip(MEASURES, motion_change(model, later, judges, CONFIG), strict=True))
         rows.append({"body": name, "size": size, "seed": seed, "selected": by_rule, **said._asdict(), "actual": actual})
     return rows
 
@@ -135,7 +116,7 @@ def _cells(rows: Sequence[Row], measure: str) -> str:
 def main() -> int:
     """Runs the benchmark."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--bodies", nargs="+", choices=(*BODIES, *BOUNCING), default=BODIES)
+    parser.add_argument("--bodies", nargs="+", choices=BODIES, default=BODIES)
     parser.add_argument("--sizes", nargs="+", type=int, default=[8, 16, 32])
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--selected", action="store_true")
@@ -144,7 +125,7 @@ def main() -> int:
     torch.set_num_threads(1)
     saved = SavedRows(arguments.save)
     for name in arguments.bodies:
-        bench = bench_named(name)
+        bench = bench_of(name, 0)
         for seed in range(arguments.seeds):
             own = [row for row in saved.rows if (row["body"], row["seed"], row["selected"]) == (name, seed, arguments.selected)]
             sizes = [size for size in arguments.sizes if size not in {row["size"] for row in own}]

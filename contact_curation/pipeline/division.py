@@ -61,7 +61,7 @@ def held_out_rule(spec: HeldOut, name: str = "--held-out") -> HeldOutRule:
 def _as_text(spec: object) -> str:
     """`3,7,8` of numbers, ./400 of a path, so that it is not read as a number; empty for what is no number.
 
-    That are truth values, bytes, whose elements are codes of letters, and arrays without dimensions.
+    These are truth values, bytes, whose elements are codes of letters, and arrays without dimensions.
     """
     if isinstance(spec, PathLike):
         return f"./{spec}"

@@ -92,21 +92,18 @@ def optimum(
         trimmed: share of the transitions that is left out, from 0 to less than 1.
         starts: how many starts, at least 1.
         seen: transitions between successive frames of the same tosses, where theta has a restitution: what first impacts show
-            of it is its prior, in place of that of theta_0, and motions correct it (restitution_by_motions.py). None for
-            neither.
+            of it is its prior, in place of that of theta_0, and motions correct it (restitution_by_motions.py). None where
+            theta has none.
         shape: standard deviation of what is known of the vertices of theta_0 [characteristic lengths]; None for the spread of
             the published initialisation.
     """
-    bounces = seen is not None and start.geometry().restitution is not None
-    rebound = rebound_of(seen, start.body) if seen is not None and bounces else None
+    rebound = None if seen is None else rebound_of(seen, start.body)
     start, config = with_rebound(start, HeldFitConfig(loss=loss, shape=shape), rebound)
     with np.errstate(all="ignore"):  # `Optimum.finite` reports numbers that are not finite
         found = fit_held(start, data, config) if starts == 1 else _from_lowest(start, data, config, starts)
         steps, kept = found.steps, np.ones(len(data.dt), dtype=bool)
-        if seen is not None and bounces:
-            chosen = found.model.bouncing(restitution_by_motions(found.model, seen, loss))
-            config = replace(config, restitution_held=True)
-            found = fit_held(chosen, data, config, origin=start)
+        if seen is not None:
+            found, config = corrected_by_motions(found.model, start, data, seen, config)
             steps += found.steps
         for _ in range(CONCENTRATIONS if trimmed else 0):
             before, kept = kept, _explained(found.model, data, loss, trimmed)
@@ -123,6 +120,23 @@ def with_rebound(start: PolytopeModel, config: HeldFitConfig, rebound: Rebound |
         return start, config
     shown = replace(start.geometry(), restitution=rebound.restitution)
     return PolytopeModel(shown, start.body, start.form), replace(config, restitution_spread=rebound.error)
+
+
+def corrected_by_motions(
+    model: PolytopeModel, origin: PolytopeModel, data: Transitions, seen: Transitions, config: HeldFitConfig
+) -> tuple[HeldFit, HeldFitConfig]:
+    """The fit with the restitution that motions correct, and its configuration, which holds that.
+
+    Args:
+        model: optimum of `data`, with a restitution.
+        origin: theta_0.
+        data: what is fitted to.
+        seen: transitions between successive frames of the same tosses.
+        config: of the fit before.
+    """
+    chosen = model.bouncing(restitution_by_motions(model, seen, config.loss))
+    config = replace(config, restitution_held=True)
+    return fit_held(chosen, data, config, origin), config
 
 
 def lowest_minimum(origin: PolytopeModel, data: Transitions, config: HeldFitConfig, starts: int) -> HeldFit:

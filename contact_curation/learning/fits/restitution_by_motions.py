@@ -23,7 +23,7 @@ GRID = np.maximum(STEP * np.arange(20), 0.001)
 """Without 0, with which rollouts take other steps in the air."""
 
 OF_FIT = 0.1
-"""Standard error of a fit's restitution: it is off the one by motions by 0.1 to 0.2 (docs/explanation/models.md, "Bounce")."""
+"""Standard error of a fit's restitution, about as far as motions correct it (docs/results.md, "Bodies that bounce")."""
 
 LEAST = 1e-6
 """A toss tells something whose errors differ by more over the grid [% of the width or degrees]."""
