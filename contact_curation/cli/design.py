@@ -25,6 +25,7 @@ from contact_curation.design.planner import DesignConfig
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.design import BASELINES, EXPLORATION, METHODS, DesignTask, design_throws
+from contact_curation.pipeline.division import read_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.theta import described_polytope, polytope_of
 from contact_curation.pipeline.tosses import read_tosses
@@ -159,14 +160,13 @@ def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple
     tosses, warnings = _read(arguments.known, reading)
     if arguments.manifest is None:
         return tosses, warnings
-    by_id, wanted = (
-        {toss.toss_id: toss for toss in tosses},
-        sorted(row.toss_id for row in read_manifest(arguments.manifest).selected),
-    )
+    manifest = read_manifest(arguments.manifest)
+    by_id, wanted = {toss.toss_id: toss for toss in tosses}, sorted(row.toss_id for row in manifest.selected)
     absent = [toss_id for toss_id in wanted if toss_id not in by_id]
     if absent:
         raise InvalidValueError(f"selected tosses of {arguments.manifest}", f"no {absent[0]} in the recordings", "all of them")
-    return tuple(by_id[toss_id] for toss_id in wanted), warnings
+    otherwise = read_otherwise(manifest, arguments.manifest, reading.inputs)
+    return tuple(by_id[toss_id] for toss_id in wanted), (*warnings, *otherwise)
 
 
 def _read(paths: Sequence[Path], reading: ReadingConfig) -> tuple[tuple[Toss, ...], tuple[str, ...]]:

@@ -129,5 +129,7 @@ def _thrower(arguments: argparse.Namespace) -> _Thrower:
     body = chosen_body(arguments, throws=arguments.throws)
     usual = replace(DEFAULT_THROWN, world=WorldConfig.of_body(body))
     stages = with_settings({"simulation": usual, "noise": DEFAULT_NOISE}, arguments.settings)
+    if not arguments.execution_noise and stages["noise"] != DEFAULT_NOISE:
+        raise InvalidValueError("--set noise.*", "no --execution-noise", "--execution-noise, which it belongs to")
     noise = ExecutionNoise.expected(stages["noise"]) if arguments.execution_noise else None
     return _Thrower(body, stages["simulation"], noise, arguments.seed)

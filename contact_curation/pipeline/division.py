@@ -11,19 +11,25 @@ from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 
+from contact_curation.configs import changed_fields
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
 from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, possible_duplicates, split
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import Reading
 from contact_curation.pipeline.tosses import EachOnce, Tosses
 from contact_curation.pipeline.wording import counted_tosses, listed
+from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.manifest.file import FORMATS, read_manifest
+from contact_curation.storage.manifest.manifest import Manifest
 
 NOTHING = "none"
 NUMBERS = re.compile(r"\d{1,9}(-\d{1,9})?(,\d{1,9}(-\d{1,9})?)*", re.ASCII)
 SHARE = re.compile(r"0?\.\d+", re.ASCII)
 LARGEST_FILE = 1 << 26
 """Bytes; a million ids take half of it."""
+
+OF_TOSSES = ("rig.", "segmenter.")
+"""Settings with which the same recording gives other tosses under the same ids."""
 
 HELD_OUT = "held out"
 DUPLICATE = "duplicate of a held-out toss"
@@ -187,6 +193,21 @@ class LearningTosses:
     warnings: tuple[str, ...]
 
 
+def read_otherwise(manifest: Manifest, name: object, inputs: InputsConfig) -> list[str]:
+    """A line where tosses are read with another rig calibration or segmentation than they were ranked with, or none.
+
+    Args:
+        manifest: of the ranking.
+        name: of the manifest, for the line.
+        inputs: how its tosses are read now.
+    """
+    ranked, now = (
+        " ".join(f"--set {setting}" for setting in settings if setting.startswith(OF_TOSSES)) or "none of rig and segmenter"
+        for settings in (manifest.run.settings, changed_fields(inputs, InputsConfig()))
+    )
+    return [] if ranked == now else [f"{name}: its tosses were ranked with {ranked}, and are read here with {now}"]
+
+
 def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     """Divides tosses into training tosses and held-out tosses.
 
@@ -207,7 +228,9 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     parts = split(
         [*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_duplicates
     )
-    lines = (*tosses.warnings, *_missing(pool, ids, config))
+    manifest = read_manifest(config.manifest) if config.manifest else None
+    otherwise = read_otherwise(manifest, config.manifest, tosses.config.inputs) if manifest else []
+    lines = (*tosses.warnings, *_missing(pool, ids, config), *otherwise)
     if not parts.training:
         why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.duplicates)} are duplicates of those"
         raise InvalidValueError("tosses to learn from", why, "at least one: hold out fewer, or give more recordings")

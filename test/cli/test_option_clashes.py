@@ -67,3 +67,45 @@ def test_a_pool_that_is_smaller_than_what_is_to_be_kept_is_told(cli: Cli, golden
     told = "every toss that could be ranked is selected: there are no more than were asked for"
     assert told in cli("rank", golden, "--top", "1000").out
     assert told not in cli("rank", golden, "--top", "20").out
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["rank", "--variant", "literal"], "--variant: found literal with criterion representative, expected --criterion"),
+        (["train", "--set", "ranking.whiten=true"], "--set ranking.whiten=true: found no --top, expected --top K"),
+        (["train", "--top", 3, "--variant", "literal"], "--variant: found literal with criterion representative, expected"),
+        (["train", "--top", 3, "--set", "staleness.steps=5"], "--set staleness.steps=5: found no --rerank-when-stale"),
+        (["score", "--set", "gates.depth=0.01"], "unknown stage in --set gates: expected one of loss, poses, segmenter"),
+        (["score", "--set", "rig.scale=1.01"], "unknown stage in --set rig: expected one of loss, poses, segmenter"),
+        (["rig", "--set", "gates.depth=0.01"], "unknown stage in --set gates: expected one of poses, rig, segmenter"),
+    ],
+)
+def test_an_option_that_would_change_nothing_is_refused(
+    cli: Cli, golden: Path, true_parameters: Path, tmp_path: Path, words: list[object], why: str
+) -> None:
+    verb, *options = words
+    score = ("--params", true_parameters, "--out", tmp_path / "s.npz")
+    needed = {"train": ("--out", tmp_path / "m.safetensors"), "score": score}
+    done = cli(verb, golden, *options, *needed.get(str(verb), ()))
+    assert (done.status, done.out, len(done.err_lines)) == (1, "", 1)
+    assert done.err.startswith(f"contact-curation: error: {why}")
+    assert not {one.suffix for one in tmp_path.iterdir()} & {".safetensors", ".npz"}
+
+
+def test_tosses_that_are_read_otherwise_than_they_were_ranked_are_said(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    corrected, manifest, model = ["--set", "rig.scale=1.017"], tmp_path / "manifest.json", tmp_path / "model.safetensors"
+    assert cli("rank", golden, *corrected, "--top", 4, "--out", manifest, "--no-figure").status == 0
+    told = f"{manifest}: its tosses were ranked with --set rig.scale=1.017, and are read here with none of rig and segmenter"
+    small = ("--throws", 1, "--exploration-throws", "--set", "design.pool=16", "--out", tmp_path / "throws.json")
+    for verb, *words in (
+        ("train", golden, "--steps", 1, "--overwrite", "--out", model),
+        ("design", "--known", golden, *small),
+        ("export", golden, "--format", "contactnets", "--out", tmp_path / "files"),
+        ("export", golden, "--format", "lerobot", "--out", tmp_path / "dataset"),
+    ):
+        otherwise = cli(verb, *words, "--manifest", manifest)
+        assert otherwise.status == 0, otherwise.err
+        assert told in otherwise.err
+    alike = cli("train", golden, "--steps", 1, "--overwrite", "--out", model, "--manifest", manifest, *corrected)
+    assert (alike.status, "were ranked with" in alike.err) == (0, False)

@@ -55,6 +55,9 @@ def test_noise_of_executions_repeats_by_its_seed(cli: Cli, throws: Path, tmp_pat
     executed = [[throw["position"] for throw in one["executed"]] for one in said]
     assert executed[0] == executed[1] != executed[2]
     np.testing.assert_allclose(executed[0], STATES[:, :3], atol=0.03)
+    alone = cli("simulate", throws, "--out", tmp_path / "alone.mcap", "--set", "noise.speed=0.2")
+    assert (alone.status, len(alone.err_lines)) == (1, 1)
+    assert "--set noise.*: found no --execution-noise, expected --execution-noise, which it belongs to" in alone.err
     exact = cli("simulate", throws, "--out", tmp_path / "exact.mcap", "--json").json
     assert [throw["position"] for throw in exact["executed"]] == STATES[:, :3].tolist()
 

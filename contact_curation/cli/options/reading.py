@@ -97,7 +97,7 @@ def stages_of(arguments: argparse.Namespace, others: Mapping[str, Any]) -> dict[
 
     poses = with_options(PoseTopicConfig(), arguments, *POSES)
     stages = {"poses": poses, "segmenter": SegmenterConfig(), "rig": NO_CORRECTION, "gates": GateConfig(), **others}
-    chosen = with_settings(stages, arguments.settings)
+    chosen = stages | with_settings({name: stages[name] for name in arguments.stages}, arguments.settings)
     if tag_map := chosen["poses"].tag_map:
         from contact_curation.storage.tag_map_file import read_tag_maps
 

@@ -26,6 +26,7 @@ OF_THE_BODY = "gravity"
 def add_settings(parser: argparse.ArgumentParser, stages: Sequence[str]) -> None:
     """Adds `--set`; `stages` are the names of the stages that may be changed."""
     example = next(each for each in EXAMPLES if each.partition(".")[0] in stages)
+    parser.set_defaults(stages=tuple(stages))
     parser.add_argument(
         "--set",
         dest="settings",

@@ -8,6 +8,7 @@ from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.model import add_model_option, model_and_form
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
+from contact_curation.cli.options.ranking import check_variant
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
@@ -202,6 +203,7 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     ranking = with_options(RankingConfig(), arguments, *RANKING)
     network = network_config_for(model)
     stages = stages_of(arguments, {"loss": DEFAULT_LOSS, "network": network, "ranking": ranking})
+    check_variant(arguments.variant, stages["ranking"])
     thetas = thetas_of(model, arguments.params, body, form)
     if form is not None and not MODELS[model].is_geometry:
         raise InvalidValueError("--form", form, f"none with model {model}: its checkpoint says which")

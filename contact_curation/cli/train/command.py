@@ -12,6 +12,7 @@ from contact_curation.cli.options.body import chosen_body
 from contact_curation.cli.options.model import add_model_option, model_and_form
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import check_outputs
+from contact_curation.cli.options.ranking import check_variant
 from contact_curation.cli.options.reading import (
     SHARED_STAGES,
     add_held_out_option,
@@ -279,10 +280,15 @@ def _selection(arguments: argparse.Namespace, ranking: RankingConfig, staleness:
     from contact_curation.learning.training.reranking import RerankingConfig
 
     if arguments.top is None:
-        given = next((name for name in ONLY_WITH_TOP if getattr(arguments, name)), None)
-        if given:
-            raise InvalidValueError(f"--{given.replace('_', '-')}", "no --top", "--top K, which it belongs to")
+        options = [f"--{name.replace('_', '-')}" for name in ONLY_WITH_TOP if getattr(arguments, name)]
+        options += [f"--set {setting}" for setting in arguments.settings if setting.startswith(("ranking.", "staleness."))]
+        if options:
+            raise InvalidValueError(options[0], "no --top", "--top K, which it belongs to")
         return None
+    check_variant(arguments.variant, ranking)
+    stale = [setting for setting in arguments.settings if setting.startswith("staleness.")]
+    if stale and not arguments.rerank_when_stale:
+        raise InvalidValueError(f"--set {stale[0]}", "no --rerank-when-stale", "--rerank-when-stale, which it belongs to")
     return RerankingConfig(ranking, arguments.rerank_every, staleness if arguments.rerank_when_stale else None)
 
 
