@@ -176,9 +176,9 @@ class TrainingStage:
         if self._training is None:
             return ()
         model, at_optimum = self._training.model, self._training.at_optimum
-        return misfits(
-            self._round_tosses, model.body, model.geometry() if at_optimum else None, bounces=self._config.restitution
-        )
+        geometry = model.geometry()
+        bounces = geometry is not None and geometry.restitution is not None
+        return misfits(self._round_tosses, model.body, geometry if at_optimum else None, bounces=bounces)
 
     def more_throws(self, tosses: Sequence[Toss] = ()) -> MoreThrows | None:
         """How far as many throws again would change predicted motions of these tosses, or else of those of the round.

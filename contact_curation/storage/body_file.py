@@ -32,7 +32,8 @@ def write_body(path: str | Path, body: Body, *, restitution: float | None = None
         What the format has no place for, one line each; the file has the same lines as comments.
 
     Raises:
-        InvalidValueError: another ending, a file is there that must not be replaced, or the file cannot be written.
+        InvalidValueError: another ending, a restitution that is not from 0 to 1, a file is there that must not be replaced, or
+            the file cannot be written.
 
     Examples:
         >>> cc.write_body("cube.yaml", body)
@@ -42,7 +43,10 @@ def write_body(path: str | Path, body: Body, *, restitution: float | None = None
     """
     if not isinstance(body, Body):
         raise InvalidValueError("body", repr(body), "a Body, such as Body.from_file reads")
-    restitution = None if restitution is None else number("restitution", restitution)
+    if restitution is not None:
+        restitution = number("restitution", restitution)
+        if not 0.0 <= restitution <= 1.0:
+            raise InvalidValueError("restitution", restitution, "a number from 0 to 1")
     path = saved_path(path, FORMATS, overwrite=overwrite)
     for beside in body_paths(path)[:-1]:
         saved_path(beside, (MESH,), overwrite=overwrite)

@@ -530,7 +530,7 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
         lambda tosses: ANY.Tosses.of([1], tosses.body),
         lambda tosses: ANY.Tosses.of(tosses, "none.yaml"),
         *(lambda tosses, body=body: ANY.write_body("b.xml", body) for body in ("cube.yaml", None)),
-        lambda tosses: ANY.write_body("b.xml", tosses.body, restitution="high"),
+        *(lambda tosses, e=e: ANY.write_body("b.xml", tosses.body, restitution=e) for e in ("high", -0.1, 1.1, np.nan)),
         lambda tosses: ANY.write_poses(None, [0.0], np.zeros((1, 3)), [[1.0, 0.0, 0.0, 0.0]], tosses.body),
         lambda tosses: ANY.rank(tosses).save("a" * 400 + ".json"),
         *(lambda tosses, read=read: read(None) for read in (cc.Body.from_file, cc.Body.from_mapping, cc.load_model)),

@@ -378,18 +378,20 @@ def rigid(data: Rows) -> Model:
 
 
 def test_a_round_says_what_its_model_lacks(tmp_path: Path) -> None:
-    """Of tosses that bounce, as far as the model does not."""
+    """Of tosses that bounce, as far as the model does not, whether the rounds learn a restitution or begin with one."""
     geometry = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3)
-    for name, bouncing, config, said in (
-        ("bouncing", True, exact(), ["the body bounces"]),
-        ("learned", True, replace(exact(), restitution=True), []),
-        ("still", False, exact(), []),
+    given = PolytopeModel(geometry, CONTACTNETS_CUBE, Form.RIGID)
+    for name, bouncing, config, said, begin in (
+        ("bouncing", True, exact(), ["the body bounces"], rigid),
+        ("learned", True, replace(exact(), restitution=True), [], rigid),
+        ("given", True, exact(), [], lambda _: given),
+        ("still", False, exact(), [], rigid),
     ):
         thrown = simulated_tosses(8, 3, geometry=geometry if bouncing else None)
         with TossStore(tmp_path / f"{name}.sqlite") as kept:
             (tmp_path / name).mkdir()
             path = tmp_path / name / "model.safetensors"
-            trained = TrainingStage(rigid, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, kept, path)
+            trained = TrainingStage(begin, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, kept, path)
             assert trained.misfits() == ()
             for toss in thrown:
                 trained.add(toss)
