@@ -12,6 +12,7 @@ A third of the tosses, drawn by a seed, judges what is learned from the others.
 
 import os
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,9 @@ from contact_curation.simulation.tracker_noise import TrackerNoiseConfig
 from contact_curation.storage.inputs.inputs import open_inputs
 
 CUBE_DATA, SQUARE_DATA = "CONTACTNETS_DATA", "SQUARE_DATA"
+DATA_OF = {"cube": (CUBE_DATA, "tosses_processed/*.pt"), "square": (SQUARE_DATA, "throws.npz")}
+"""Variable of the folder of a body's data, and the files in it."""
+
 NEVER = HeldOutRule(spans=((400, 569),))
 """The cube's tosses that are neither learned from nor judge here."""
 
@@ -72,6 +76,17 @@ def bench_of(name: str, seed: int) -> Bench:
     body, tosses = BODIES[name]()
     bench = Bench(body, tosses, (), GateConfig()).divided(seed)
     return bench.on(calibration_of(bench.training, body.polytope)) if name == "cube" else bench
+
+
+def data_digest(name: str) -> str:
+    """Of the files that a body's tosses are read from; empty where there are none."""
+    variable, pattern = DATA_OF.get(name, ("", ""))
+    folder, state = os.environ.get(variable, ""), sha256()
+    paths = sorted(Path(folder).glob(pattern)) if folder else []
+    for path in paths:
+        state.update(path.name.encode())
+        state.update(sha256(path.read_bytes()).digest())
+    return state.hexdigest()[:16] if paths else ""
 
 
 def _folder(variable: str, what: str) -> Path:

@@ -141,18 +141,11 @@ MAKERS: dict[Experiment, Callable[[ExperimentConfig, int], Iterator[AnyCell]]] =
 }
 
 
+QUICK_STEPS = 4
+"""Gradient steps of the budgeted protocol where it only has to be seen to work."""
+
+
 def quick(config: ExperimentConfig) -> ExperimentConfig:
-    """The same experiment so small that it takes seconds: every rule and fault once."""
-    return ExperimentConfig(
-        rules=config.rules,
-        sizes=(2, ALL) if ALL in config.sizes else (2,),
-        seeds=min(config.seeds, 2),
-        model=config.model,
-        protocol=config.protocol,
-        steps=min(config.steps, 4),
-        shares=config.shares[:1],
-        faults=config.faults[:1],
-        resamples=2,
-        worlds=config.worlds[:1],
-        restitution=config.restitution,
-    )
+    """The same experiment so small that it takes seconds: every rule and one fault, once."""
+    sizes = (2, ALL) if ALL in config.sizes else (2,)
+    return replace(config, sizes=sizes, seeds=min(config.seeds, 2), faults=config.faults[:1], resamples=2)

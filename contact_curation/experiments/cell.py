@@ -78,6 +78,8 @@ class Cell(Planned):
         for name, accepted in choices.items():
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
+        if not 0.0 <= self.share <= 1.0:
+            raise InvalidValueError("share of bad tosses", self.share, "a number from 0 to 1")
         if self.size < 0 or self.seed < 0:
             raise InvalidValueError("size and seed", f"{self.size} and {self.seed}", "numbers of at least 0")
         if self.protocol == Protocol.EXACT and not model_class(self.model).has_exact_fit(Form.PHYSICAL):

@@ -37,6 +37,11 @@ class CalibrationCell(Planned):
     seed: int
     resamples: int
 
+    def __post_init__(self) -> None:
+        if self.size < 1 or self.resamples < 2:
+            found = f"{self.size} tosses, {self.resamples} resamples"
+            raise InvalidValueError("calibration", found, "at least 1 toss and 2 resamples")
+
     @property
     def fields(self) -> Row:
         """What its rows begin with."""

@@ -1,6 +1,7 @@
 """The finished cells of an experiment: a file to which a line of JSON is added for each, and from which it goes on.
 
-The first line says of which experiment and which tosses; lines are never changed. What an interruption tore is taken off.
+The first line says of which experiment and which tosses, lines of one name add to that; lines are never changed. What an
+interruption tore is taken off.
 """
 
 import json
@@ -33,15 +34,19 @@ class Ledger:
     def __init__(self, path: Path, identity: Mapping[str, str]) -> None:
         self._path = path
         self._rows: dict[str, tuple[Row, ...]] = {}
+        self._identity: dict[str, Any] = dict(identity)
         lines = _whole_lines(path)
         if not lines:
             self._append(dict(identity))
             return
         first, *others = (_document(line, path) for line in lines)
+        self._identity = first
         for name, value in identity.items():
-            if first.get(name) != value:
-                raise InvalidValueError(f"{name} of {path}", first.get(name, "none"), f"{value}, or another --out")
+            self._expect(name, value)
         for document in others:
+            if len(document) == 1:  # of `belongs_to`
+                self._identity |= document
+                continue
             if not {"key", "rows"} <= document.keys():
                 raise UnreadableInputError(path, "a line has no key and rows, expected the file that `reproduce` wrote")
             self._rows[document["key"]] = tuple(_row(values) for values in document["rows"])
@@ -62,6 +67,19 @@ class Ledger:
         """A cell is finished."""
         self._rows[key] = tuple(rows)
         self._append({"key": key, "rows": list(rows), "seconds": round(seconds, 3)})
+
+    def belongs_to(self, name: str, value: str) -> None:
+        """What must be the same from now on, and as it was if the file says so; InvalidValueError where it is not."""
+        if name in self._identity:
+            self._expect(name, value)
+        else:
+            self._identity[name] = value
+            self._append({name: value})
+
+    def _expect(self, name: str, value: str) -> None:
+        if self._identity.get(name) != value:
+            found = self._identity.get(name, "none")
+            raise InvalidValueError(f"{name} of {self._path}", found, f"{value}, or another --out")
 
     def _append(self, document: Mapping[str, Any]) -> None:
         try:

@@ -8,6 +8,7 @@ import torch
 
 from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.report import warn
+from contact_curation.experiments.bodies import data_digest
 from contact_curation.experiments.cell import Planned
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.ledger import Ledger, identity_of
@@ -37,6 +38,9 @@ def run_over_bodies[Cell: Planned](
     began = time.monotonic()
     make_folder(arguments.out)
     ledger = Ledger(arguments.out / "cells.jsonl", identity_of(arguments.experiment))
+    for body in dict.fromkeys(str(cell.fields["body"]) for cell in cells):
+        if data := data_digest(body):
+            ledger.belongs_to(f"data of {body}", data)
     left = sum(cell.key not in ledger for cell in cells)
     failed = run_cells(cells, partial(_rows, row_of=row_of), ledger, arguments.jobs)
     failed = [one._replace(error=f"{one.cell.fields['body']}: {one.error}") for one in failed]

@@ -3,8 +3,9 @@
 import os
 from pathlib import Path
 
+from contact_curation.cli.options.body import DETAILS
 from contact_curation.cli.options.one_line_parser import OneLineParser
-from contact_curation.cli.options.reading import SHARED_STAGES, add_held_out_option, add_reading_options
+from contact_curation.cli.options.reading import POSES, SHARED_STAGES, add_held_out_option, add_reading_options
 from contact_curation.cli.options.types import Arguments, natural_number, number_from_zero, positive_integer
 from contact_curation.cli.report import add_json_option
 from contact_curation.errors import InvalidValueError
@@ -15,6 +16,22 @@ OVER_BODIES = ("counterfactuals", "criteria", "against-sysid")
 """Experiments that have their own bodies and tosses."""
 
 EXPERIMENTS = (*OF_A_BODY, *OVER_BODIES)
+LEARNING = ("dataset-quality", "functionals", "robustness", "designed-throws")
+READ_BY = {
+    **dict.fromkeys(("inputs", "body", *DETAILS, *POSES, "settings", "held_out", "as_recorded"), OF_A_BODY),
+    **dict.fromkeys(("model", "protocol", "steps"), LEARNING),
+    "rules": tuple(name for name in EXPERIMENTS if name not in ("calibration", "counterfactuals")),
+    "seeds": tuple(name for name in EXPERIMENTS if name != "counterfactuals"),
+    "shares": ("robustness",),
+    "worlds": ("designed-throws",),
+    "restitution": ("designed-throws",),
+    "resamples": ("calibration",),
+    "bodies": OVER_BODIES,
+    "refits": ("counterfactuals",),
+    "at_fit": ("criteria",),
+}
+"""Experiments that read an option, for the options that not all of them read."""
+
 PUBLIC_DATA, TOSSES = "CONTACTNETS_DATA", "tosses_processed"
 """Where ContactNets' tosses are."""
 
@@ -45,7 +62,7 @@ def add_options(parser: OneLineParser) -> None:
     group.add_argument("--rules", nargs="+", metavar="RULE", help="that are compared")
     group.add_argument("--sizes", nargs="+", type=natural_number, metavar="K", help="of the selected sets; 0 for all")
     group.add_argument("--seeds", type=positive_integer, metavar="N", help="how many")
-    group.add_argument("--model", default="polytope", help="what learns (default polytope)")
+    group.add_argument("--model", help="what learns (default polytope)")
     group.add_argument(
         "--protocol",
         choices=("exact", "budgeted", "published"),
@@ -59,7 +76,7 @@ def add_options(parser: OneLineParser) -> None:
     group.add_argument("--bodies", nargs="+", metavar="BODY", help="cube, square, slab, wedge, irregular")
     group.add_argument("--refits", type=positive_integer, metavar="N", help="of each body (counterfactuals; default 400)")
     group.add_argument("--at-fit", action="store_true", help="select at the fit to all tosses (criteria)")
-    group.add_argument("--quick", action="store_true", help="sets of two tosses and two seeds, to see that it works")
+    group.add_argument("--quick", action="store_true", help="two tosses a set and two seeds if not given, to see that it works")
     group.add_argument("--jobs", type=positive_integer, default=1, metavar="N", help="cells at once (default 1)")
     add_json_option(parser)
     parser.set_examples(
@@ -75,6 +92,7 @@ def run(arguments: Arguments) -> int:
     Raises:
         ContactCurationError: the tosses or the options cannot be used, or the folder belongs to another experiment.
     """
+    _refuse_unread(arguments)
     if arguments.experiment == "counterfactuals":
         from contact_curation.experiments.counterfactuals.run import run_counterfactuals
 
@@ -92,6 +110,14 @@ def run(arguments: Arguments) -> int:
     from contact_curation.experiments.run import run_experiment  # torch takes over a second, which --help need not wait for
 
     return run_experiment(arguments)
+
+
+def _refuse_unread(arguments: Arguments) -> None:
+    """An option that the experiment would ignore is an error."""
+    for name, experiments in READ_BY.items():
+        if arguments.experiment not in experiments and getattr(arguments, name, None):
+            option = "INPUT" if name == "inputs" else f"--{'set' if name == 'settings' else name.replace('_', '-')}"
+            raise InvalidValueError(option, arguments.experiment, f"{' or '.join(experiments)}, which it belongs to")
 
 
 def _public_tosses() -> Path:

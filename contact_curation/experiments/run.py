@@ -16,11 +16,13 @@ from contact_curation.cli.options.reading import inputs_of, stages_of
 from contact_curation.cli.options.types import Arguments
 from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import print_json, warn
+from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.experiments.catalogue import (
     DEFAULTS,
+    QUICK_STEPS,
     AnyCell,
     Experiment,
     ExperimentConfig,
@@ -34,6 +36,7 @@ from contact_curation.experiments.ledger import Ledger, identity_of
 from contact_curation.experiments.rules import BUDGET, PUBLIC_HELD_OUT
 from contact_curation.experiments.tables import write_tables
 from contact_curation.experiments.thrown.cell import ThrowsCell
+from contact_curation.information.scoring import parameters_version
 from contact_curation.motion.calibration import calibration_of
 from contact_curation.pipeline.division import DivisionConfig, held_out_rule, learning_tosses
 from contact_curation.pipeline.reading import ReadingConfig
@@ -153,22 +156,23 @@ def experiment_config(arguments: Arguments) -> ExperimentConfig:
         InvalidValueError: a value that is not accepted.
     """
     default = DEFAULTS[Experiment(arguments.experiment)]
-    exact = model_class(arguments.model).has_exact_fit(Form.PHYSICAL)
+    default = quick(default) if arguments.quick else default
+    model, steps = arguments.model or default.model, arguments.steps or (QUICK_STEPS if arguments.quick else BUDGET)
+    exact = model_class(model).has_exact_fit(Form.PHYSICAL)
     protocol = Protocol(arguments.protocol or (Protocol.EXACT if exact else Protocol.BUDGETED))
     if arguments.steps and protocol is not Protocol.BUDGETED:
         raise InvalidValueError("--steps", f"protocol {protocol.value}", "protocol budgeted, which it belongs to")
     given = {name: getattr(arguments, name) for name in ("rules", "sizes", "shares", "worlds") if getattr(arguments, name)}
-    config = replace(
+    return replace(
         default,
-        model=arguments.model,
+        model=model,
         protocol=protocol.value,
-        steps=(arguments.steps or BUDGET) if protocol is Protocol.BUDGETED else 0,
+        steps=steps if protocol is Protocol.BUDGETED else 0,
         seeds=arguments.seeds or default.seeds,
         resamples=arguments.resamples or default.resamples,
         restitution=arguments.restitution,
         **{name: tuple(dict.fromkeys(values)) for name, values in given.items()},
     )
-    return quick(config) if arguments.quick else config
 
 
 def _bench(arguments: Arguments) -> Bench:
@@ -176,7 +180,7 @@ def _bench(arguments: Arguments) -> Bench:
 
     The gates see a pool again once faults are put into it.
     """
-    body = chosen_body(arguments, said=False)
+    body = chosen_body(arguments)
     stages = stages_of(arguments, {})
     reading = ReadingConfig(body, inputs_of(stages))
     rule = held_out_rule(arguments.held_out or PUBLIC_HELD_OUT)
@@ -214,7 +218,8 @@ def _identity(experiment: Experiment, bench: Bench) -> Mapping[str, str]:
         state.update(f"{len(side)}".encode())
         for toss in side:
             state.update(toss.digest().encode())
-    return {**identity_of(experiment.value), "tosses": state.hexdigest()[:16]}
+    described = parameters_version(ContactGeometry.of_body(bench.body), bench.body)
+    return {**identity_of(experiment.value), "body": described, "tosses": state.hexdigest()[:16]}
 
 
 def make_folder(path: Path) -> None:

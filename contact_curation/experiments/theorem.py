@@ -12,6 +12,7 @@ import numpy as np
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.contact.parameter_form import Form
+from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.experiments.cell import Cell, Planned
 from contact_curation.experiments.cell_run import ONE_THREAD, Bench, Row, pool_of_cell
 from contact_curation.experiments.rules import RULES
@@ -40,6 +41,12 @@ class TheoremCell(Planned):
     rule: str
     sizes: tuple[int, ...]
     seed: int
+
+    def __post_init__(self) -> None:
+        if self.rule not in RULES:
+            raise UnknownNameError("rule", self.rule, RULES)
+        if min(self.sizes) < 1:
+            raise InvalidValueError("--sizes", min(self.sizes), "at least 1")
 
     @property
     def fields(self) -> Row:

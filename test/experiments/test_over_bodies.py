@@ -58,3 +58,23 @@ def test_cells_of_another_loss_are_not_taken_into_the_same_table(tmp_path: Path)
     with pytest.raises(InvalidValueError, match=r"^loss of .*cells\.jsonl: found none, .* balanced=true.*, or another --out"):
         run_over_bodies(arguments, CELLS, row_of, lambda rows: {"rows.csv": rows})
     assert (tmp_path / "cells.jsonl").read_text() == before
+
+
+def test_cells_of_other_data_are_not_taken_into_the_same_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def learn(cell: Drawn) -> Row:
+        return {"error": 1.0}
+
+    arguments, cells = Namespace(out=tmp_path / "out", experiment="criteria", jobs=1, json=True), CELLS
+    for name in ("first", "second"):
+        (tmp_path / name / "tosses_processed").mkdir(parents=True)
+        (tmp_path / name / "tosses_processed" / "0.pt").write_bytes(name.encode())
+    run_over_bodies(arguments, cells[2:], learn, lambda rows: {"rows.csv": rows})
+    for _ in range(2):  # a body may be added, and the same data continue
+        monkeypatch.setenv("CONTACTNETS_DATA", str(tmp_path / "first"))
+        run_over_bodies(arguments, cells, learn, lambda rows: {"rows.csv": rows})
+    monkeypatch.setenv("CONTACTNETS_DATA", str(tmp_path / "second"))
+    with pytest.raises(InvalidValueError, match=r"^data of cube of .*cells\.jsonl: found .*, or another --out"):
+        run_over_bodies(arguments, cells, learn, lambda rows: {"rows.csv": rows})
+    run_over_bodies(arguments, cells[2:], learn, lambda rows: {"rows.csv": rows})

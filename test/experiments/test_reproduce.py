@@ -202,3 +202,57 @@ def test_without_an_input_the_tosses_are_those_that_the_environment_names(
     monkeypatch.setenv("CONTACTNETS_DATA", str(tmp_path / "data"))
     assert cli(*words).status == 0
     assert len(table(tmp_path / "out" / "rows.csv")) > 0
+
+
+@pytest.mark.parametrize(
+    ("experiment", "words", "line"),
+    [
+        ("dataset-quality", ("--shares", 0.2), "--shares: found dataset-quality, expected robustness, which it belongs to"),
+        ("theorem", ("--model", "deep"), "--model: found theorem, expected dataset-quality or functionals or "),
+        ("calibration", ("--rules", "random"), "--rules: found calibration, expected dataset-quality or "),
+        ("criteria", ("tosses.mcap",), "INPUT: found criteria, expected dataset-quality or "),
+        ("counterfactuals", ("--set", "gates.depth=1"), "--set: found counterfactuals, expected dataset-quality or "),
+    ],
+)
+def test_an_option_of_other_experiments_is_refused(
+    cli: Cli, tmp_path: Path, experiment: str, words: tuple[str, ...], line: str
+) -> None:
+    done = cli("reproduce", experiment, *words, "--out", tmp_path / "out")
+    assert (done.status, len(done.err_lines)) == (1, 1)
+    assert line in done.err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("experiment", "words", "line"),
+    [
+        ("robustness", ("--shares", 1.5), "share of bad tosses: found 1.5, expected a number from 0 to 1"),
+        ("theorem", ("--sizes", 0, 4), "--sizes: found 0, expected at least 1"),
+        ("theorem", ("--rules", "foo"), "unknown rule foo: "),
+        ("calibration", ("--resamples", 1), "calibration: found 64 tosses, 1 resamples, expected "),
+        ("criteria", ("--sizes", 0), "--sizes: found 0, expected at least 1"),
+        ("against-sysid", ("--sizes", 0), "--sizes: found 0, expected at least 1"),
+    ],
+)
+def test_a_value_that_no_cell_can_have_is_refused_before_any_runs(
+    cli: Cli, folder: Path, tmp_path: Path, experiment: str, words: tuple[str, ...], line: str
+) -> None:
+    inputs = () if experiment in ("criteria", "against-sysid") else (folder,)
+    done = cli("reproduce", experiment, *inputs, *words, "--out", tmp_path / "out")
+    assert (done.status, len(done.err_lines)) == (1, 1)
+    assert line in done.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_quick_leaves_what_is_given_and_another_body_is_not_taken_into_the_same_table(
+    cli: Cli, folder: Path, tmp_path: Path
+) -> None:
+    body = Path("contact_curation/config/cube.yaml").resolve()
+    words = ("reproduce", "theorem", folder, *SMALL, "--rules", "random", "--body", body, "--sizes", 3, 4, "--seeds", 3,
+             "--out", tmp_path / "out")  # fmt: skip
+    assert cli(*words).status == 0
+    rows = table(tmp_path / "out" / "rows.csv")
+    assert {float(row["size"]) for row in rows} == {3.0, 4.0}
+    assert {float(row["seed"]) for row in rows} == {0.0, 1.0, 2.0}
+    refused = cli(*words, "--friction", 0.5)
+    assert (refused.status, refused.err.count("error: body of ")) == (1, 1)

@@ -51,6 +51,8 @@ class Against(Planned):
         for name, accepted in (("body", BODIES), ("rule", RULES)):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
+        if self.size < 1:
+            raise InvalidValueError("--sizes", self.size, "at least 1")
 
 
 def run_against_sysid(arguments: Arguments) -> int:
@@ -60,7 +62,8 @@ def run_against_sysid(arguments: Arguments) -> int:
 
 def _cells(arguments: Arguments) -> list[Against]:
     """Seed by seed, so that what is done when it is stopped is a whole experiment of fewer seeds."""
-    sizes, seeds = ((2,), 1) if arguments.quick else (arguments.sizes or SIZES, arguments.seeds or SEEDS)
+    usual = ((2,), 1) if arguments.quick else (SIZES, SEEDS)
+    sizes, seeds = arguments.sizes or usual[0], arguments.seeds or usual[1]
     return [
         Against(body, rule, size, seed)
         for seed in range(seeds)

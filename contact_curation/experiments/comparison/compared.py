@@ -67,6 +67,8 @@ class Compared(Planned):
         for name, accepted in (("body", BODIES), ("rule", [*RULES, *BASELINES, COUNTERFACTUAL])):
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
+        if self.size < 1:
+            raise InvalidValueError("--sizes", self.size, "at least 1; rule all takes all tosses")
 
 
 @lru_cache(maxsize=1)

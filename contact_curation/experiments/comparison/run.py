@@ -28,7 +28,8 @@ def run_comparison(arguments: Arguments) -> int:
 def _cells(arguments: Arguments) -> list[Compared]:
     """Body by body and seed by seed, so that a body's tosses are made once for all rules."""
     bodies, rules = arguments.bodies or BODIES, arguments.rules or RULES_COMPARED
-    sizes, seeds = ((2,), 2) if arguments.quick else (arguments.sizes or SIZES, arguments.seeds or SEEDS)
+    usual = ((2,), 2) if arguments.quick else (SIZES, SEEDS)
+    sizes, seeds = arguments.sizes or usual[0], arguments.seeds or usual[1]
     return [
         Compared(body, rule, size, seed, arguments.at_fit)
         for body in dict.fromkeys(bodies)

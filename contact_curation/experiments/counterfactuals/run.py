@@ -42,7 +42,7 @@ def run_counterfactuals(arguments: Arguments) -> int:
     began = time.monotonic()
     make_folder(arguments.out)
     sizes = tuple(dict.fromkeys(arguments.sizes or SIZES))
-    refits = 2 * len(sizes) if arguments.quick else arguments.refits or REFITS
+    refits = arguments.refits or (2 * len(sizes) if arguments.quick else REFITS)
     bodies = tuple(dict.fromkeys(arguments.bodies or BODIES))
     rows, run, scores, failed = list[Row](), 0, list[Scored](), list[str]()
     for body in bodies:
