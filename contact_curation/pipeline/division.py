@@ -228,8 +228,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     parts = split(
         [*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_duplicates
     )
-    manifest = read_manifest(config.manifest) if config.manifest else None
-    otherwise = read_otherwise(manifest, config.manifest, tosses.config.inputs) if manifest else []
+    otherwise = read_otherwise(read_manifest(config.manifest), config.manifest, tosses.config.inputs) if config.manifest else []
     lines = (*tosses.warnings, *_missing(pool, ids, config), *otherwise)
     if not parts.training:
         why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.duplicates)} are duplicates of those"

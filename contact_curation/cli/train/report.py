@@ -50,6 +50,12 @@ class TrainReport:
         """What the model lacks; a friction without a bounce is wrong for that reason."""
         return self.bounce.in_words() if self.bounce and self.bounce.missing else self.sticking
 
+    @property
+    def restitution(self) -> float | None:
+        """What the model has learned of it; None where it has none."""
+        geometry = self.run.curated.training.model.geometry()
+        return geometry.restitution if geometry else None
+
 
 def json_report(report: TrainReport) -> dict[str, Any]:
     """The whole report as one JSON object."""
@@ -66,6 +72,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "duplicates": [list(duplicate) for duplicate in report.tosses.duplicates],
         "rejected": dict(report.tosses.rejected),
         "bounce": report.bounce._asdict() if report.bounce else None,
+        "restitution": report.restitution,
         "friction_hardly_used_up": report.sticking,
         "more_throws": report.more_throws._asdict() if report.more_throws else None,
         "selections": [document_of(one) for one in report.run.curated.selections],
@@ -97,6 +104,8 @@ def print_report(report: TrainReport) -> None:
     else:
         print("no toss is held out: the loss on tosses that the model was not trained on is not known")
     print(f"training loss {progress.training_loss:.4g}")
+    if report.restitution is not None:
+        print(f"restitution {report.restitution:.2f}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
     if report.misfit:

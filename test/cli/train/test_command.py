@@ -102,6 +102,8 @@ def test_that_tosses_bounce_is_said_by_training_and_evaluation_until_a_restituti
     assert warned[0].endswith("learn it, too: restitution=True")
     again = cli("train", tosses, "--out", out, "--overwrite", *how, "--set", "training.restitution=true")
     assert "careful" not in again.out
+    assert "\nrestitution 0." in again.out
+    assert "restitution" not in trained.out.replace("their restitution", "").replace("training.restitution", "")
     assert "careful: the tosses bounce" not in (judged := cli("evaluate", out, tosses, "--no-gate").out)
     assert [line for line in again.out.splitlines() if "more throws like these" in line] == judged.splitlines()[-1:]
     assert not any("bounce" in line for line in cc.train(read, held_out="8,9", restitution=True).warnings)
