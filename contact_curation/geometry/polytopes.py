@@ -19,6 +19,9 @@ ON_THE_FACE = 1e-6
 """Share of a body's extent that a vertex of a face may be off its plane."""
 
 
+THINNEST = 1e-6
+"""Share of a body's extent that counts as a thickness; hulls of thinner ones are not found."""
+
 SAME_PLANE = 1e-6
 """Planes of a hull whose unit normals, and where they are compared offsets, differ by less are one face."""
 
@@ -40,7 +43,7 @@ class Polytope:
         if not np.isfinite(vertices).all():
             raise InvalidValueError("vertices", "a value that is not finite", "finite numbers")
         scaled = vertices / (np.abs(vertices).max() or 1.0)  # sums of large numbers are no numbers
-        if np.linalg.matrix_rank(scaled - scaled.mean(axis=0)) < 3:
+        if np.linalg.matrix_rank(scaled - scaled.mean(axis=0), rtol=THINNEST) < 3:
             raise InvalidValueError("vertices", "all in one plane", "a body with volume")
         object.__setattr__(self, "vertices", vertices)
 
