@@ -11,7 +11,7 @@ from typing import ClassVar
 from contact_curation.contact.models.registry import DEFAULT_MODEL, MODELS, model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError, UnknownNameError
-from contact_curation.experiments.faults import Fault
+from contact_curation.experiments.faults import Fault, check_share
 from contact_curation.experiments.rules import RULES
 
 ALL = 0
@@ -78,8 +78,7 @@ class Cell(Planned):
         for name, accepted in choices.items():
             if getattr(self, name) not in accepted:
                 raise UnknownNameError(name, getattr(self, name), accepted)
-        if not 0.0 <= self.share <= 1.0:
-            raise InvalidValueError("share of bad tosses", self.share, "a number from 0 to 1")
+        check_share(self.share)
         if self.size < 0 or self.seed < 0:
             raise InvalidValueError("size and seed", f"{self.size} and {self.seed}", "numbers of at least 0")
         if self.protocol == Protocol.EXACT and not model_class(self.model).has_exact_fit(Form.PHYSICAL):

@@ -54,14 +54,19 @@ class FaultConfig:
     time_frames: int = 2
 
 
+def check_share(share: float) -> None:
+    """Raises InvalidValueError where the share of bad tosses is not within 0 and 1."""
+    if not 0.0 <= share <= 1.0:
+        raise InvalidValueError("share of bad tosses", share, "a number from 0 to 1")
+
+
 def with_faults(tosses: Sequence[Toss], fault: Fault, share: float, seed: int) -> tuple[tuple[Toss, ...], frozenset[str]]:
     """The tosses, a share of them bad, and the ids of those; as many for every fault at one seed, and the same ones.
 
     Raises:
         InvalidValueError: the share is not within 0 and 1.
     """
-    if not 0.0 <= share <= 1.0:
-        raise InvalidValueError("share of bad tosses", share, "a number from 0 to 1")
+    check_share(share)
     choice, noise = (np.random.default_rng(each) for each in np.random.SeedSequence(seed).spawn(2))
     bad = frozenset(choice.choice([toss.toss_id for toss in tosses], round(share * len(tosses)), replace=False).tolist())
     return made_bad(tosses, bad, fault, noise, FaultConfig()), bad

@@ -18,7 +18,6 @@ SMALLEST_CORNER = 1e-6
 ON_THE_FACE = 1e-6
 """Share of a body's extent that a vertex of a face may be off its plane."""
 
-
 THINNEST = 1e-6
 """Share of a body's extent that counts as a thickness; hulls of thinner ones are not found."""
 
