@@ -74,6 +74,9 @@ def info_message(pinhole: Pinhole = CAMERA.pinhole) -> SimpleNamespace:
         d=[0.0] * 5,
         k=np.zeros(9),
         p=projection,
+        binning_x=0,
+        binning_y=0,
+        roi=SimpleNamespace(x_offset=0, y_offset=0),
     )
 
 

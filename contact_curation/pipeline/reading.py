@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from pathlib import Path
 
-from contact_curation.configs import field_of, with_fields
+from contact_curation.configs import field_of, kind_in_words, truth_value, with_fields
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.numbers import shortened
@@ -41,12 +42,25 @@ def inputs_config(given: InputsConfig | Mapping[str, object] | None) -> InputsCo
     config = InputsConfig()
     values = {field_of(config, path).path: tuple(value) if isinstance(value, list) else value for path, value in given.items()}
     for path, value in values.items():
-        if isinstance(field_of(config, path).default, str) and not isinstance(value, str):
+        default = field_of(config, path).default
+        if isinstance(default, str) and not isinstance(value, str):
             raise InvalidValueError(path, shortened(repr(value)), "a text")
+        if isinstance(default, bool):
+            values[path] = truth_value(path, value)
+        elif isinstance(default, Enum):
+            values[path] = _choice(path, type(default), value)
     try:
         return with_fields(config, values)
     except (TypeError, ValueError, OverflowError) as error:
         raise InvalidValueError("config", shortened(given), "values of the types that docs/ros/reference.md has") from error
+
+
+def _choice(path: str, kind: type[Enum], value: object) -> Enum:
+    """The member of an enumeration that a value is, or is the name of, as `--set` takes it."""
+    try:
+        return kind(value)
+    except ValueError as error:
+        raise InvalidValueError(path, shortened(repr(value)), kind_in_words(kind)) from error
 
 
 @dataclass(frozen=True)

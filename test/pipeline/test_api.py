@@ -25,8 +25,10 @@ from contact_curation.errors import (
     NothingFoundError,
     UnreadableInputError,
 )
+from contact_curation.geometry.tags import CornerOrder
 from contact_curation.learning.checkpoints.safetensors_bytes import unpack
 from contact_curation.pipeline import ranked
+from contact_curation.pipeline.reading import inputs_config
 from contact_curation.storage.manifest.file import read_manifest
 from contact_curation.storage.parameters_file import read_parameters
 from contact_curation.storage.throws_file import read_throws
@@ -357,6 +359,10 @@ def test_settings_have_the_names_that_the_command_takes(cli: Cli, golden_bag: Pa
     assert json.loads(again.out)["tosses"] == json.loads(done.out)["tosses"]
 
 
+def test_settings_with_a_choice_take_its_name() -> None:
+    assert inputs_config({"poses.tags.corner_order": "opencv"}).poses.tags.corner_order is CornerOrder.OPENCV
+
+
 def test_a_manifest_has_the_settings_of_reading_and_loss(cli: Cli, golden_bag: Path, tmp_path: Path) -> None:
     settings = ("gates.rest_tilt=0.0004", "loss.match=0.2")
     done = cli("rank", golden_bag, *(f"--set={one}" for one in settings), "--out", tmp_path / "best.json")
@@ -543,6 +549,8 @@ def test_tosses_of_no_recording_are_ranked(tosses: cc.Tosses, body: cc.Body, ran
                 ("gates.depth", "deep"),
                 ("rig.normal", "up"),
                 ("poses.topic", 5),
+                ("poses.rectified", "false"),
+                ("poses.tags.corner_order", "clockwise"),
                 ("gates.depth", 10**400),
                 (5, 1),
             )

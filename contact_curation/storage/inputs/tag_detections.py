@@ -78,18 +78,35 @@ class TagDetections:
 
 
 def pinhole_of(message: Any, *, rectified: bool) -> Pinhole:
-    """Reads the camera from a CameraInfo.
+    """Reads the camera from a CameraInfo, for the image that its region of interest and its binning leave.
+
+    Intrinsics hold for the full resolution (sensor_msgs): the region's corner is subtracted, and binning divides.
 
     Raises:
         InvalidValueError: the camera is not calibrated, or its distortion model is unknown.
     """
-    width, height = int(message.width), int(message.height)
+    x, y, across, down = _part_of_the_sensor(message)
+    width, height = int(message.width) // across, int(message.height) // down
     if rectified:
         fx, _, cx, _, _, fy, cy, *_ = (float(number) for number in message.p)
-        return Pinhole(width, height, (fx, fy), (cx, cy))
-    fx, _, cx, _, fy, cy, *_ = (float(number) for number in message.k)
-    distortion = tuple(float(number) for number in message.d)
-    return Pinhole(width, height, (fx, fy), (cx, cy), str(message.distortion_model), distortion)
+        model, distortion = "", tuple[float, ...]()
+        if fx == 0.0 and message.k[0] > 0.0:
+            wanted = "that of rectified images, or `rectified` false, if tags were detected in raw ones"
+            raise InvalidValueError("P of CameraInfo", "zeros, though the camera is calibrated (K)", wanted)
+    else:
+        fx, _, cx, _, fy, cy, *_ = (float(number) for number in message.k)
+        model, distortion = str(message.distortion_model), tuple(float(number) for number in message.d)
+    return Pinhole(width, height, (fx / across, fy / down), ((cx - x) / across, (cy - y) / down), model, distortion)
+
+
+def _part_of_the_sensor(message: Any) -> tuple[int, int, int, int]:
+    """The first column and row of the image, and how many columns and rows of the sensor are one of it."""
+    return (
+        int(message.roi.x_offset),
+        int(message.roi.y_offset),
+        max(int(message.binning_x), 1),  # 0 is 1
+        max(int(message.binning_y), 1),
+    )
 
 
 def _detected(one: Any) -> DetectedTag:

@@ -112,6 +112,7 @@ def test_raw_images_take_k_and_d_and_rectified_ones_p() -> None:
     message: Any = SimpleNamespace(
         width=640, height=480, distortion_model="plumb_bob", d=[0.1, 0, 0, 0, 0],
         k=[500.0, 0, 320, 0, 510, 240, 0, 0, 1], p=[450.0, 0, 310, 0, 0, 460, 230, 0, 0, 0, 1, 0],
+        binning_x=0, binning_y=1, roi=SimpleNamespace(x_offset=0, y_offset=0),
     )  # fmt: skip
     raw, rectified = pinhole_of(message, rectified=False), pinhole_of(message, rectified=True)
     assert (raw.focal, raw.middle, raw.distorted) == ((500.0, 510.0), (320.0, 240.0), True)
@@ -119,6 +120,29 @@ def test_raw_images_take_k_and_d_and_rectified_ones_p() -> None:
     message.distortion_model = "strange"
     with pytest.raises(InvalidValueError, match="distortion"):
         pinhole_of(message, rectified=False)
+
+
+@pytest.mark.parametrize("rectified", [True, False])
+def test_a_region_of_the_sensor_and_binned_pixels_change_no_pose(rectified: bool) -> None:
+    tags = scene(TRUE)
+    message = info_message()
+    message.k = CAMERA.pinhole.matrix.ravel()
+    message.roi, message.binning_x, message.binning_y = SimpleNamespace(x_offset=100, y_offset=60), 2, 4
+    small = [one._replace(corners=(one.corners - [100.5, 60.5]) / [2.0, 4.0] + 0.5) for one in tags]
+    whole, part = reader(), TagDetections(RIG, TagPoseConfig(), rectified=rectified)
+    assert part.calibrated(message) == ()
+    pairs = zip(whole.detected(array_message(1, tags)), part.detected(array_message(1, small)), strict=True)
+    for expected, found in pairs:
+        assert isinstance(expected, FramePose)
+        assert isinstance(found, FramePose)
+        np.testing.assert_allclose(found.pose.position, expected.pose.position, atol=1e-6)
+
+
+def test_a_calibrated_camera_without_a_projection_is_told_of_raw_images() -> None:
+    message = info_message()
+    message.k, message.p = CAMERA.pinhole.matrix.ravel(), np.zeros(12)
+    with pytest.raises(InvalidValueError, match="`rectified` false, if tags were detected in raw ones"):
+        pinhole_of(message, rectified=True)
 
 
 def test_with_a_tag_map_detections_and_their_camera_are_found_beside_poses() -> None:
