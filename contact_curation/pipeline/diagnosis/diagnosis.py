@@ -105,7 +105,7 @@ def concluded(evidence: Evidence, words: Sequence[str] = ()) -> Diagnosis:
     ordered = sorted(found, key=lambda one: -one.severity)  # stable: causes stand before what follows from them
     worst = ordered[0]
     ok = worst.severity < Severity.FAULT
-    settings = _settings(ordered, evidence.config.inputs.rig)
+    settings = _settings([worst] if worst.other_poses else ordered, evidence.config.inputs.rig)
     verdict = worst.line if worst.severity == Severity.FAULT else _sound(evidence, worst)
     reasons = tuple(one.line for one in ordered if one is not worst or ok)
     paths = [one.path for one in evidence.recordings]
@@ -131,7 +131,7 @@ def _settings(found: Sequence[Finding], current: RigCalibration) -> str:
 def _next(found: Sequence[Finding], ok: bool, paths: Sequence[str], words: Sequence[str], settings: str) -> str:
     """What to type: rank what is sound or can be mended, check again what has another remedy."""
     faults = [one for one in found if one.severity == Severity.FAULT]
-    mended = bool(faults) and all(one.rig is not None or one.settings for one in faults[:1])
+    mended = bool(faults) and all((one.rig is not None or one.settings) and not one.other_poses for one in faults[:1])
     options = next((one.options for one in faults or found if one.options), ())
     verb = ["rank"] if ok or (mended and not options) else ["check"]
     shown = paths if len(paths) <= MOST_SHOWN else ["INPUTS"]

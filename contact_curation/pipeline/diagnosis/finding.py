@@ -29,6 +29,8 @@ class Finding:
         rig: corrects poses; None where that does not mend it.
         settings: other `--set` options that mend it.
         options: of the command that is to be typed next, e.g. ``("--board-frame", "")``.
+        other_poses: whether poses are others once it is mended: then no other settings are said, and recordings are to be
+            checked again.
     """
 
     severity: Severity
@@ -37,6 +39,7 @@ class Finding:
     rig: RigCalibration | None = None
     settings: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
+    other_poses: bool = False
 
     @property
     def line(self) -> str:

@@ -20,6 +20,7 @@ from contact_curation.motion.calibration import calibrated_poses
 from contact_curation.motion.pose_noise import RIG, TrackerScale
 from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.survey.series import PoseSeries, series_of
+from contact_curation.motion.tags.fit import TagFit, tag_fit
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.bags.reader import BagReader
@@ -29,6 +30,10 @@ from contact_curation.storage.inputs.inputs import is_contactnets, open_inputs
 from contact_curation.storage.inputs.pose_runs import MeasuredMessage
 from contact_curation.storage.inputs.pose_source import PoseSource
 from contact_curation.storage.inputs.records import Found, Problem
+from contact_curation.storage.inputs.tag_detections import tag_images
+
+IMAGES = 60
+"""Of which is looked at how corners fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +82,7 @@ class Recording:
         taken_as_on_board: whether poses in another frame than the board's are taken as given on it.
         stamps_done: what was done to header stamps that jitter; empty where all are as they came.
         tracker: how noisy a tracker the bounds of segmenter and quality checks were for, in the end.
+        tags: how well detected corners fit the tag map; None without one.
     """
 
     path: str
@@ -97,6 +103,7 @@ class Recording:
     taken_as_on_board: bool = False
     stamps_done: str = ""
     tracker: TrackerScale = RIG
+    tags: TagFit | None = None
 
     @property
     def name(self) -> str:
@@ -170,7 +177,20 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
         taken_as_on_board=tosses.taken_as_on_board,
         stamps_done=tosses.stamps_done,
         tracker=tosses.tracker,
+        tags=_tag_fit(reader, tosses, watched.counted, config),
     )
+
+
+def _tag_fit(reader: BagReader, tosses: BagTosses, counted: Mapping[str, int], config: ReadingConfig) -> TagFit | None:
+    """How corners fit in images from all over what was read."""
+    source, poses = tosses.source, config.inputs.poses
+    detections = poses.detections(config.body.name)
+    if detections is None or source.camera is None:
+        return None
+    images, camera = counted.get(source.body.name, 0), source.camera.name
+    messages = islice(reader.messages([source.body.name, camera]), images + counted.get(camera, 0))
+    sample = tag_images(((one.topic == camera, one.message) for one in messages), max(images // IMAGES, 1))
+    return tag_fit(sample, detections.rig, poses.tags, rectified=poses.rectified)
 
 
 def _series(placed: Sequence[BodyPose], config: ReadingConfig) -> tuple[PoseSeries, ...]:

@@ -4,7 +4,9 @@ An image without tags of the body gives a bad pose with the reason, and so a gap
 before the first CameraInfo wait for it, so that the order in which the two topics arrive makes no difference.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from contact_curation.geometry.pinhole import Pinhole
 from contact_curation.geometry.tag_rig import TagRig
 from contact_curation.geometry.tags import FAMILY, TagMap
 from contact_curation.motion.pose_stream import BadPose, checked_pose
+from contact_curation.motion.tags.fit import TagImage
 from contact_curation.motion.tags.pose import DetectedTag, NoTagPose, TagPoseConfig, tag_pose
 from contact_curation.storage.inputs.pose_messages import Measured, stamp_ns_of
 
@@ -22,6 +25,9 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 FAMILY_NAMES = {"", "36h11", FAMILY}
 """Names of the tag family in messages; apriltag_msgs permits an empty one."""
+
+MOST_IDS = 8
+"""Ids, and families, that a line lists."""
 
 MOST_WAITING = 4096
 """Largest number of images that wait for the first CameraInfo."""
@@ -65,9 +71,15 @@ class TagDetections:
 
     def _poses(self, message: Any, camera: Pinhole) -> tuple[Measured, ...]:
         stamp_ns, parent = stamp_ns_of(message.header), str(message.header.frame_id).lstrip("/")
-        found = [_detected(one) for one in message.detections if str(one.family) in FAMILY_NAMES]
+        found = detected_tags(message)
         maps = [self.rig.body] if self.rig.board is None else [self.rig.board, self.rig.body]
-        return tuple(self._pose(stamp_ns, parent, found, one, camera) for one in maps)
+        poses = (self._pose(stamp_ns, parent, found, one, camera) for one in maps)
+        return tuple(
+            replace(one, why=f"{one.why}; in the image: {_in_words(message)}")
+            if isinstance(one, BadPose) and one.kind == "lost"
+            else one
+            for one in poses
+        )
 
     def _pose(self, stamp_ns: int, parent: str, found: Sequence[DetectedTag], tags: TagMap, camera: Pinhole) -> Measured:
         result = tag_pose(found, tags, camera, self._config)
@@ -107,6 +119,49 @@ def _part_of_the_sensor(message: Any) -> tuple[int, int, int, int]:
         max(int(message.binning_x), 1),  # 0 is 1
         max(int(message.binning_y), 1),
     )
+
+
+def tag_images(messages: Iterable[tuple[bool, Any]], every: int) -> list[TagImage]:
+    """A sample of images: each `every`-th array of detections, with the camera that was last said, or else the first.
+
+    Args:
+        messages: in their order, each with whether it is a CameraInfo.
+        every: 1 or more.
+    """
+    infos: list[tuple[Pinhole | None, Pinhole | None]] = []
+    arrays: list[tuple[int, tuple[DetectedTag, ...]]] = []
+    count = 0
+    for is_info, message in messages:
+        if is_info:
+            infos.append((_pinhole_or_none(message, rectified=False), _pinhole_or_none(message, rectified=True)))
+        else:
+            arrays += [(len(infos), detected_tags(message))] if count % every == 0 else []
+            count += 1
+    return [TagImage(tags, *infos[max(said - 1, 0)]) for said, tags in arrays] if infos else []
+
+
+def _pinhole_or_none(message: Any, *, rectified: bool) -> Pinhole | None:
+    try:
+        return pinhole_of(message, rectified=rectified)
+    except InvalidValueError:
+        return None
+
+
+def detected_tags(message: Any) -> tuple[DetectedTag, ...]:
+    """The tags of our family in an AprilTagDetectionArray."""
+    return tuple(_detected(one) for one in message.detections if str(one.family) in FAMILY_NAMES)
+
+
+def _in_words(message: Any) -> str:
+    """Families and ids of the tags in an image."""
+    ids: dict[str, list[int]] = {}
+    for one in message.detections:
+        ids.setdefault(str(one.family) or FAMILY, []).append(int(one.id))
+    lists = (
+        f"{family} {', '.join(map(str, sorted(of)[:MOST_IDS]))}{' ...' if len(of) > MOST_IDS else ''}"
+        for family, of in ids.items()
+    )
+    return "; ".join(islice(lists, MOST_IDS)) or "none"
 
 
 def _detected(one: Any) -> DetectedTag:

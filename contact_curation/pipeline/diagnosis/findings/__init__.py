@@ -16,6 +16,7 @@ from contact_curation.pipeline.diagnosis.findings import (
     rig,
     smoothing,
     stamps,
+    tags,
     tosses,
 )
 
@@ -25,6 +26,7 @@ FINDINGS: tuple[Find, ...] = (
     reading.without_a_message,
     reading.overlapping,
     stamps.zero,
+    tags.corners_do_not_fit,
     frames.of_several_bodies,
     frames.board_is_not_found,
     frames.board_is_seldom_known,

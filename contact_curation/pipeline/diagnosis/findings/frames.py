@@ -20,6 +20,8 @@ def board_is_not_found(evidence: Evidence) -> Finding | None:
         lost = one.bad.get("frame", 0)
         if one.source is None or lost <= one.poses or AROUND in one.why_bad["frame"]:
             return ""
+        if one.tags is not None and one.tags.has_board:
+            return ""  # its tags give no pose, which others say
         parent = max(one.parents, key=lambda name: one.parents[name], default="")
         board = one.source.board_frame
         if not parent:

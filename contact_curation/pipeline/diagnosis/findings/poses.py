@@ -32,7 +32,9 @@ REMEDIES = {
     "name": "name the body's with --body-frame, or record it whole",
     "twice": "give each tag or body another id or name",
     "array": "say --set poses.array_index=N, counted from 0",
-    **dict.fromkeys(("lost", "misfit", "flip", "unsure"), QUIETER),
+    "lost": f"are these the family and the ids of the tag map? else {QUIETER}",
+    "misfit": f"compare the tag map and poses.rectified with the detector (docs/how-to/camera.md); else {QUIETER}",
+    **dict.fromkeys(("flip", "unsure"), QUIETER),
 }
 """By the kind of a bad pose."""
 
