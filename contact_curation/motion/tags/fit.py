@@ -168,7 +168,7 @@ def _wrong_tag(
         rest = TagMap(tags.frame, tuple(tag for tag in tags.tags if tag is not wrong))
         found = _misfits(bad, rest, config, rectified)
         fitting.append(float(np.mean(found <= largest)))  # where no other tag is seen it is NaN
-        without.append(Explanation(float(np.nanmedian(found)), frames=(tags.frame,), tag_id=wrong.tag_id))
+        without.append(Explanation(_level([found]), frames=(tags.frame,), tag_id=wrong.tag_id))
     best = int(np.argmax(fitting))
     return without[best] if fitting[best] >= MOSTLY and fitting.count(fitting[best]) == 1 else None
 

@@ -32,7 +32,7 @@ Scores = tuple[TossInformation | NotScored, ...]
 
 TOSSES, SCORES = "tosses", "scores"
 
-LAYOUT = 3
+LAYOUT = 4
 """Of the shards, and of rules that no setting names, such as how velocities are computed (motion/smoothing.py); others are not
 looked at."""
 
