@@ -27,7 +27,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.design import BASELINES, EXPLORATION, METHODS, DesignTask, design_throws
 from contact_curation.pipeline.division import read_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.pipeline.theta import described_polytope, polytope_of
+from contact_curation.pipeline.theta import described_polytope, of_other_rigs, polytope_of
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.manifest.file import read_manifest
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
     task, reading = design_task(arguments)
     known, seen = _known(arguments, reading)
     examples, warnings = _read(arguments.prior, reading)
-    warnings = (*seen, *warnings)
+    warnings = (*(of_other_rigs(arguments.params, reading.inputs.rig) if known else ()), *seen, *warnings)
     warn(warnings)
     task = replace(task, known=known, examples=examples)
     with Progress("designing", "simulated throws", task.simulations(arguments.throws)) as progress:

@@ -22,7 +22,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, transitions_of
 from contact_curation.pipeline.diagnosis.explained import explained
 from contact_curation.pipeline.reading import InputReader, ReadingConfig
-from contact_curation.pipeline.theta import polytope_of
+from contact_curation.pipeline.theta import of_other_rigs, polytope_of
 from contact_curation.pipeline.tosses import CHECK_SAYS, EachOnce
 from contact_curation.pipeline.wording import counted_tosses, nothing_found
 from contact_curation.solver.compiled import load_kernel
@@ -102,7 +102,7 @@ def run(arguments: argparse.Namespace) -> int:
     theta = polytope_of(arguments.params, body)
     stages = stages_of(arguments, {"loss": with_options(LossConfig(), arguments, "cone")})
     inputs = replace(inputs_of(stages, gated=False), as_stored=True)
-    tally = Tally()
+    tally = Tally(warnings=list(of_other_rigs([arguments.params], inputs.rig)))
     names = parameter_form(replace(theta.geometry, restitution=None), Form.CONTACTNETS).names()
     names += () if theta.geometry.restitution is None else ("height", "restitution")
     with ScoreFileWriter(arguments.out, names) as writer, Progress("scoring", "tosses") as progress:

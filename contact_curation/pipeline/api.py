@@ -30,7 +30,7 @@ from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig, inputs_config
 from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
-from contact_curation.pipeline.theta import Theta, described_polytope, form_of, theta_of
+from contact_curation.pipeline.theta import Theta, described_polytope, form_of, of_other_rigs, theta_of
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
 from contact_curation.pipeline.tosses import Inputs, Tosses, checked_tosses, input_paths, read_tosses
 from contact_curation.pipeline.workers import Progress, processes_for, silent
@@ -170,7 +170,8 @@ def score(
     config = _pool_config(found.config, _theta(model, found.body), estimator, place)
     with own_torch():
         (scorer,) = config.scorers(config.fixed_bounds, jobs=1)
-        return replace(toss_scores(scorer, found.accepted), warnings=found.warnings)
+        others = of_other_rigs([model], found.config.inputs.rig)
+        return replace(toss_scores(scorer, found.accepted), warnings=(*others, *found.warnings))
 
 
 @says_what_to_install
@@ -238,6 +239,7 @@ def rank(
         held_out=_held_out(held_out),
         jobs=jobs,
         index=None if index is None else RecordingIndex(path_of("index", index, "the path of a folder")),
+        warnings=of_other_rigs([model], reading.inputs.rig),
     )
     with own_torch():
         ranked = rank_tosses(source, config, progress or silent)
@@ -324,7 +326,8 @@ def train(
         running.check()
         bounce = running.bounce()
         missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
-        return replace(running.model(), warnings=(*found.warnings, *filter(None, (missing,))))
+        others = of_other_rigs([start], found.config.inputs.rig)
+        return replace(running.model(), warnings=(*others, *found.warnings, *filter(None, (missing,))))
 
 
 @says_what_to_install

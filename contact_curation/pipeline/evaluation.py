@@ -22,7 +22,7 @@ from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.division import DivisionConfig, HeldOut, held_out_rule, learning_tosses
 from contact_curation.pipeline.evaluated import Evaluation, JudgingTosses
 from contact_curation.pipeline.learned_model import LearnedModel
-from contact_curation.pipeline.reading import settings_of
+from contact_curation.pipeline.theta import of_other_rigs
 from contact_curation.pipeline.tosses import Tosses
 from contact_curation.pipeline.workers import Progress, silent
 
@@ -112,7 +112,7 @@ def judging_tosses(
     fitted = tuple(toss for toss in seen if not last or toss.toss_id in last)
     parts = split([NumberedToss(toss, 0) for toss in (*judged_by, *seen)], HeldOutRule(ids=_ids(judged_by)))
     duplicates = frozenset(duplicate.held_out for duplicate in parts.duplicates)
-    rigs = _of_other_rigs(models, settings_of(tosses.config.inputs.rig))
+    rigs = of_other_rigs(models, tosses.config.inputs.rig)
     return JudgingTosses(
         judged_by=judged_by,
         fitted=fitted,
@@ -148,17 +148,6 @@ def _seen_before(judged_by: Sequence[Toss], models: Sequence[LearnedModel]) -> l
 
 def _ids(tosses: Sequence[Toss]) -> frozenset[str]:
     return frozenset(toss.toss_id for toss in tosses)
-
-
-def _of_other_rigs(models: Sequence[LearnedModel], settings: str) -> list[str]:
-    """Lines on models whose tosses were calibrated otherwise than those that judge."""
-    words = {"": "as recorded"}
-    return [
-        f"{one.name}: it learned from tosses {words.get(one.rig, f'calibrated by {one.rig}')}, "
-        f"and is evaluated on tosses {words.get(settings, f'calibrated by {settings}')}"
-        for one in models
-        if one.rig is not None and one.rig != settings
-    ]
 
 
 def _of_other_losses(models: Sequence[LearnedModel], loss: LossConfig) -> list[str]:

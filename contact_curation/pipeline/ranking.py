@@ -41,6 +41,7 @@ class RankConfig:
         engine: schedules the recordings; None for processes of this machine.
         index: what was read and scored before.
         command: the command line; empty when the library is called.
+        warnings: of theta, one line each.
     """
 
     pool: PoolConfig
@@ -52,6 +53,7 @@ class RankConfig:
     command: tuple[str, ...] = ()
     engine: Engine | None = None
     index: RecordingIndex | None = None
+    warnings: tuple[str, ...] = ()
 
     def with_exact_scores_in(self, folder: Path) -> "RankConfig":
         """The same configuration with a folder for exact network scores, where the criterion needs them."""
@@ -101,7 +103,7 @@ def rank_tosses(
         reasons = pool.reasons(curation, config.ranking) if curation else {}
         if watcher and curation:
             watcher(pool, curation)
-    said = (*pool.left_out, *scored.warnings, copies_in_words(scored.inputs))
+    said = (*config.warnings, *pool.left_out, *scored.warnings, copies_in_words(scored.inputs))
     warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *(line for line in said if line))
     manifest = _manifest(config, scored, pool, curation)
     kept = source if isinstance(source, Tosses) else tuple(source)

@@ -4,8 +4,9 @@ Importing torch takes over a second, which a polytope's ranking does without: it
 score for a network.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,10 +16,13 @@ from contact_curation.contact.models.registry import model_class, model_entry
 from contact_curation.contact.parameter_form import Form, form_of_geometry, parameter_form
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.calibration import RigCalibration
+from contact_curation.pipeline.reading import settings_of
 from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
+    from contact_curation.pipeline.learned_model import GivenModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +106,30 @@ def polytope_of(path: Path, body: Body) -> Parameters:
     if geometry is None:
         raise InvalidValueError(f"model of {path}", model.kind, f"polytope; networks go with `rank --model {model.kind}`")
     return Parameters(geometry, model.body)
+
+
+def of_other_rigs(models: "Iterable[GivenModel | None]", rig: RigCalibration) -> tuple[str, ...]:
+    """A line for each model that learned from tosses that were calibrated otherwise than those that it is used with.
+
+    Args:
+        models: models or their files; of parameters in JSON, and of a body as described, nobody knows of any tosses.
+        rig: how the tosses here are calibrated.
+    """
+    now, lines = settings_of(rig), []
+    for name, then in filter(None, map(_name_and_rig, models)):
+        if then is not None and then != now:
+            learned, here = (f"calibrated by {one}" if one else "as recorded" for one in (then, now))
+            lines.append(f"{name}: it learned from tosses {learned}, and those here are {here}")
+    return tuple(lines)
+
+
+def _name_and_rig(model: "GivenModel | None") -> tuple[str, str | None] | None:
+    if model is None or (isinstance(model, str | PathLike) and not is_checkpoint(Path(model))):
+        return None
+    from contact_curation.pipeline.learned_model import model_of
+
+    known = model_of(model)
+    return known.name, known.rig
 
 
 def _network(path: Path, kind: str, body: Body) -> NetworkTheta:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+import contact_curation as cc
 from benchmarks.data.check_faults import marked, raised, simulated_session, write
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
@@ -83,6 +84,28 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert "at rest" not in ranked.out
 
 
+def test_other_commands_say_that_a_model_learned_from_tosses_calibrated_otherwise(
+    cli: Cli, golden: Path, tmp_path: Path
+) -> None:
+    settings = ["--set", "rig.scale=1.00500"]
+    learned = cc.train(cc.read(golden, config={"rig.scale": 1.005}), steps=1, protocol="budgeted")
+    learned.save(tmp_path / "cube.safetensors")
+    start, out = ["--params", tmp_path / "cube.safetensors"], tmp_path / "out"
+    commands = (
+        ["rank", golden, *start, "--top", "2"],
+        ["train", golden, *start, "--protocol", "budgeted", "--steps", "1", "--out", out / "a.safetensors"],
+        ["design", *start, "--known", golden, "--throws", "1", "--baseline", "prior", "--out", out / "a.json"],
+    )
+    out.mkdir()
+    line = "cube.safetensors: it learned from tosses calibrated by --set rig.normal=0.00000,0.00000,1.00000"
+    for words in (*commands, ["score", golden, *start, "--out", out / "a.npz"]):
+        assert line in cli(*words, "--json").err, words
+    for words in commands[:2]:
+        done = cli(*words, *settings, "--overwrite")
+        assert (done.status, line in done.err) == (0, False), done.err
+    assert [one for one in cc.score(cc.read(golden), model=learned).warnings if "and those here are as recorded" in one]
+
+
 @pytest.mark.slow
 def test_a_model_of_tosses_corrected_is_judged_by_such(cli: Cli, golden: Path, tmp_path: Path) -> None:
     settings, checkpoint = "--set rig.scale=1.00500", tmp_path / "cube.safetensors"
@@ -92,7 +115,7 @@ def test_a_model_of_tosses_corrected_is_judged_by_such(cli: Cli, golden: Path, t
     assert "corrected" not in cli("evaluate", checkpoint, golden, *settings.split()).err
     warned = cli("evaluate", checkpoint, golden).err
     assert "it learned from tosses calibrated by --set rig.normal=0.00000,0.00000,1.00000" in warned
-    assert "and is evaluated on tosses as recorded" in warned
+    assert "and those here are as recorded" in warned
 
 
 def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, golden: Path) -> None:

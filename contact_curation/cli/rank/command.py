@@ -36,7 +36,7 @@ from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
-from contact_curation.pipeline.theta import form_of, thetas_of
+from contact_curation.pipeline.theta import form_of, of_other_rigs, thetas_of
 from contact_curation.pipeline.workers import Engine
 from contact_curation.storage.manifest.file import FORMATS, check_names, provenance_of
 from contact_curation.storage.outputs import CSV
@@ -220,7 +220,10 @@ def rank_config(arguments: argparse.Namespace) -> RankConfig:
     parameters = ", ".join(map(str, arguments.params)) or f"body {body.name}"
     config = RankConfig(pool, stages["ranking"], model, parameters, held_out, arguments.jobs, arguments.command)
     return replace(
-        config, engine=_engine(arguments), index=None if arguments.index is None else RecordingIndex(arguments.index)
+        config,
+        engine=_engine(arguments),
+        index=None if arguments.index is None else RecordingIndex(arguments.index),
+        warnings=of_other_rigs(arguments.params, pool.reading.inputs.rig),
     )
 
 

@@ -34,6 +34,7 @@ from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.division import DivisionConfig, LearningTosses, held_out_rule, learning_tosses, selected_ids
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.theta import of_other_rigs
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.version import __version__
@@ -180,6 +181,7 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("reading", "tosses") as bar:
         read = read_tosses(arguments.inputs, reading, advance=bar.advance)
     tosses = learning_tosses(read, config.division)
+    tosses = replace(tosses, warnings=(*of_other_rigs([arguments.params], config.rig), *tosses.warnings))
     warn(tosses.warnings)
     running = _begun_or_resumed(arguments, config, tosses)
     metrics_path = _metrics_path(arguments)
