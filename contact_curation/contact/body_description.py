@@ -23,8 +23,10 @@ from contact_curation.contact.body_values import (
     body_of_mapping,
     check_keys,
     check_values,
+    is_measurable,
     symmetric_inertia,
     text,
+    vertices_of_mapping,
 )
 from contact_curation.contact.plausibility import BodyNumbers, derived_scale, implausible
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
@@ -45,6 +47,9 @@ LARGEST_FILE = 2**17
 
 ASSUMED_FRICTION = 0.5
 """Of a body whose file names none; it is learned from tosses."""
+
+OFF_CENTRE = 0.02
+"""Length scales that the middle of a listed shape may be from its centre of mass for an even filling."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,15 +281,16 @@ def _millimetres(place: Array) -> str:
 
 def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> BodyDescription:
     """Of a YAML file with vertices or half extents."""
-    for name in ("density", "scale", "link"):
+    for name in ("scale", "link"):
         if getattr(options, name) is not None:
             raise InvalidValueError(name, getattr(options, name), f"none for a body whose {' or '.join(SHAPES)} are listed")
     given = {name: value for name, value in vars(options).items() if value is not None and name != "center_of_mass"}
-    stated = {**content, **given}
+    weight = {"mass", "density"} if given.keys() & {"mass", "density"} else set[str]()  # an option takes a key's place
+    stated, notes = _filled({**{key: value for key, value in content.items() if key not in weight}, **given})
     told = body_of_mapping({"friction": ASSUMED_FRICTION, "length_scale": 1.0, **stated})
     if "length_scale" not in stated:
         told["length_scale"] = derived_scale(of_hull(told["vertices"]).mass)
-    if options.mass is not None and "mass" in content:
+    if options.mass is not None and "mass" in content and "inertia" in content:
         told["inertia"] = told["inertia"] * (options.mass / number("mass", content["mass"]))
     vertices = told.pop("vertices")
     if options.center_of_mass is not None:
@@ -299,5 +305,30 @@ def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> Bod
         hull_count=corners.hull_count,
         error=corners.error,
         source=str(path),
+        notes=notes,
         warnings=(*_approximation(corners, corners.error), *_assumed_friction("friction" in stated)),
     )
+
+
+def _filled(stated: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The values of a listed shape, with mass and inertia of an even filling where they state no inertia, and a note of it."""
+    rest = {key: value for key, value in stated.items() if key != "density"}
+    density = number("density", stated["density"]) if "density" in stated else None
+    if density is not None and "mass" in stated:
+        raise InvalidValueError("density", f"{density:g} beside a mass", "one of both")
+    if density is not None and "inertia" in stated:
+        raise InvalidValueError("density", f"{density:g} beside an inertia", "a mass, or no inertia")
+    if "inertia" in stated:
+        return rest, ()
+    if density is None and "mass" not in stated:
+        return {**rest, "inertia": np.eye(3).tolist()}, ()  # the mass alone is missing
+    hull = of_hull(vertices_of_mapping(rest))
+    mass = density * hull.mass if density is not None else number("mass", stated["mass"])
+    if float(np.linalg.norm(hull.center)) > OFF_CENTRE * derived_scale(hull.mass):
+        found = f"a shape whose middle is at {_millimetres(hull.center)} mm"
+        raise InvalidValueError("vertices", found, "the centre of mass at the origin, as of an even filling; or give inertia")
+    if not is_measurable(mass):
+        raise InvalidValueError("mass", mass, "a positive number")
+    by = f"{mass:g} kg" if density is None else f"{density:g} kg/m^3"
+    inertia = (hull.inertia * (mass / hull.mass)).tolist()
+    return {**rest, "mass": mass, "inertia": inertia}, (f"inertia: of the shape filled evenly with {by}",)

@@ -47,16 +47,7 @@ def body_of_mapping(content: Mapping[str, Any]) -> dict[str, Any]:
         InvalidValueError: a key is missing or unknown, or its value is of another form; the message names it.
     """
     check_keys(content, (*REQUIRED, *SHAPES, *OPTIONAL, *GEOMETRIES))
-    given = [key for key in SHAPES if key in content]
-    if len(given) == 2:
-        raise InvalidValueError("half_extents", "both they and vertices", "one of both")
-    if not given:
-        raise InvalidValueError("missing key", "no shape", f"{', '.join(SHAPES)}, {', '.join(GEOMETRIES)}: one of them")
-    vertices = box(_half_extents(content)).vertices if given == ["half_extents"] else numbers("vertices", content["vertices"])
-    if np.abs(vertices).max(initial=0.0) > LARGEST:
-        raise InvalidValueError("vertices", f"{np.abs(vertices).max():.3g}", f"metres, at most {LARGEST:g}")
-    if len(Polytope(vertices).vertices) <= MAX_CONTACTS:
-        vertices = checked_corners(vertices)
+    vertices = vertices_of_mapping(content)
     missing = [key for key in REQUIRED if key not in content]
     if missing:
         volume = of_hull(vertices).mass
@@ -70,6 +61,19 @@ def body_of_mapping(content: Mapping[str, Any]) -> dict[str, Any]:
         "gravity": number("gravity", content["gravity"]) if "gravity" in content else STANDARD_GRAVITY,
         "center_of_mass": numbers("center_of_mass", content["center_of_mass"]) if "center_of_mass" in content else np.zeros(3),
     }
+
+
+def vertices_of_mapping(content: Mapping[str, Any]) -> Array:
+    """(V, 3) the corners that named values list [m]; errors as of `body_of_mapping`."""
+    given = [key for key in SHAPES if key in content]
+    if len(given) == 2:
+        raise InvalidValueError("half_extents", "both they and vertices", "one of both")
+    if not given:
+        raise InvalidValueError("missing key", "no shape", f"{', '.join(SHAPES)}, {', '.join(GEOMETRIES)}: one of them")
+    vertices = box(_half_extents(content)).vertices if given == ["half_extents"] else numbers("vertices", content["vertices"])
+    if np.abs(vertices).max(initial=0.0) > LARGEST:
+        raise InvalidValueError("vertices", f"{np.abs(vertices).max():.3g}", f"metres, at most {LARGEST:g}")
+    return checked_corners(vertices) if len(Polytope(vertices).vertices) <= MAX_CONTACTS else vertices
 
 
 class MissingKeyError(InvalidValueError):

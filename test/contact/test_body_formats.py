@@ -155,6 +155,21 @@ def test_a_mesh_alone_takes_its_mass_from_the_options(files: dict[str, Path]) ->
     assert any("0.5 assumed" in line for line in read_description(mesh, BodyOptions(scale=1e-3, mass=MASS)).warnings)
 
 
+def test_a_listed_shape_without_an_inertia_is_filled_evenly(tmp_path: Path) -> None:
+    file, density = tmp_path / "listed.yaml", MASS / (8.0 * HALF.prod())
+    file.write_text(f"name: brick\nhalf_extents: {HALF.tolist()}\nmass: {MASS}\nfriction: {FRICTION}\n")
+    expected = MASS / 3.0 * (HALF @ HALF - HALF**2)
+    np.testing.assert_allclose(Body.from_file(file).inertia, np.diag(expected), atol=1e-15)
+    assert read_description(file).notes == (EVENLY.replace("geometry", "shape"),)
+    assert Body.from_file(file, density=2.0 * density).mass == pytest.approx(2.0 * MASS, rel=1e-12)
+    file.write_text(f"name: brick\nvertices: {(corners_mm(center=np.zeros(3)) / 1e3).tolist()}\ndensity: {density}\n")
+    np.testing.assert_allclose(Body.from_file(file).inertia, np.diag(expected), atol=1e-12)
+    assert Body.from_file(file, mass=2.0 * MASS).inertia == pytest.approx(2.0 * np.diag(expected), abs=1e-12)
+    file.write_text(f"name: brick\nvertices: {(corners_mm() / 1e3).tolist()}\nmass: {MASS}\n")
+    with pytest.raises(UnreadableInputError, match=r"vertices: found a shape whose middle is at \(10, -20, 50\) mm, expected"):
+        Body.from_file(file)
+
+
 EVENLY = "inertia: of the geometry filled evenly with 0.3 kg"
 CENTRE = "centre of mass: at (10, -20, 50) mm in the file's frame; poses are taken to be of that frame"
 LENGTH = "length scale: 0.0416 m, half the edge of a cube of the same volume"
@@ -207,7 +222,7 @@ def test_a_description_says_how_it_was_understood(
         (
             "brick.yaml",
             {"density": 2.0},
-            "density: found 2.0, expected none for a body whose vertices or half_extents are listed",
+            "density: found 2 beside an inertia, expected a mass, or no inertia",
         ),
         ("brick.yaml", {"link": "a"}, "link: found a, expected none for a body whose vertices or half_extents are listed"),
     ],
