@@ -102,22 +102,23 @@ class Evidence:
     shift: OptimumShift
 
 
-def evidence_of(pool: Pool, selected: SelectedSet) -> Evidence:
+def evidence_of(pool: Pool, selected: SelectedSet, config: RankingConfig = DEFAULT) -> Evidence:
     """The evidence for a selected set.
 
     Args:
         pool: all tosses at the theta of the selected set.
         selected: at least one of them.
+        config: how it was chosen; criterion and number are those of the selected set.
 
     Raises:
         InvalidValueError: a selected toss is not in the pool, or no toss carries information.
     """
-    subspace = pool_subspace(pool, DEFAULT.cut)
+    subspace = pool_subspace(pool, config.cut)
     coordinates, indices = subspace.per_mean_toss(len(pool)), pool.indices_of(selected.toss_ids)
     return Evidence(
-        rows=_rows(pool, selected),
+        rows=_rows(pool, selected, config),
         spectrum=selected_spectrum(pool, subspace, selected.toss_ids),
-        shift=optimum_shift(pool, coordinates, indices, DEFAULT.prior),
+        shift=optimum_shift(pool, coordinates, indices, config.prior),
     )
 
 
@@ -134,10 +135,10 @@ def selected_spectrum(pool: Pool, subspace: IdentifiableSubspace, selected: Sequ
     )
 
 
-def _rows(pool: Pool, selected: SelectedSet) -> tuple[EvidenceRow, ...]:
+def _rows(pool: Pool, selected: SelectedSet, config: RankingConfig) -> tuple[EvidenceRow, ...]:
     traces = {info.toss_id: info.trace for info in pool.infos}
     own = dict(zip(selected.toss_ids, selected.gains, strict=True))
-    explained = explanation(selected.criterion, pool, own, replace(DEFAULT, top=selected.capacity))
+    explained = explanation(selected.criterion, pool, own, replace(config, top=selected.capacity))
     gains = {**explained.gains, **own}
     others = sorted((toss_id for toss_id in pool.ids if toss_id not in own), key=lambda one: -gains[one])
     return tuple(

@@ -13,8 +13,9 @@ from contact_curation.contact.loss_config import LossConfig
 from contact_curation.contact.rollout import rollout
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.information.impacts import as_described
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of, transitions_of
+from contact_curation.motion.transitions import periods_of, states_of, transitions_of
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
@@ -84,23 +85,24 @@ def motion_of(toss: Toss, body: Body, theta: ShownTheta, loss: LossConfig) -> To
         InvalidValueError: theta cannot be rolled out.
     """
     scale = body.length_scale
-    start = states_of(toss, scale)[:1]
+    start, periods = states_of(toss, scale)[:1], periods_of(toss)
+    length = int(periods[-1]) + 1
     geometry = theta.geometry
     if geometry is None:
         assert theta.model is not None
-        states = theta.model.roll_out(start, toss.frames, toss.frame_period).states
+        states = theta.model.roll_out(start, length, toss.frame_period).states
     else:
-        states = rollout(geometry, body, start, toss.frames, toss.frame_period).states
-    predicted = states * np.concatenate([np.full(3, scale), np.ones(4), np.full(3, scale), np.ones(3)])
+        states = rollout(geometry, body, start, length, toss.frame_period).states
+    predicted = states[periods] * np.concatenate([np.full(3, scale), np.ones(4), np.full(3, scale), np.ones(3)])
     vertices = body.vertices if geometry is None else geometry.vertices_normal * scale
     return TossMotion(toss, predicted, impulses_of(toss, body, geometry, loss), vertices, theta.version)
 
 
 def impulses_of(toss: Toss, body: Body, geometry: ContactGeometry | None, loss: LossConfig) -> Impulses:
-    """The impulses of a toss at a polytope's parameters; transitions without a certificate have none."""
+    """The impulses of a toss at a polytope's parameters, over the transitions that are scored; unsolved ones have none."""
     if geometry is None:
         return Impulses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
-    rows = transitions_of([toss], body.length_scale)
+    rows = as_described(transitions_of([toss], body.length_scale), geometry, body)
     found = evaluate(geometry, body, rows.before, rows.after, rows.dt, loss)
     axes = np.vstack([geometry.normal, geometry.tangents])  # (3, 3) friction included
     vectors = np.where(found.solved[:, None, None], found.impulses, 0.0) @ axes * body.length_scale  # (N, V, 3) [N s]

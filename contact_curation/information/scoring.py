@@ -96,6 +96,11 @@ def parameters_version(geometry: ContactGeometry, body: Body) -> str:
     return state.hexdigest()[:16]
 
 
+def scored_geometry(geometry: ContactGeometry, form: Form) -> ContactGeometry:
+    """The geometry as it is scored: a theta of the rigid form where that is wanted, and it has one set of vertices."""
+    return geometry.rigid() if form is Form.RIGID and not geometry.has_own_friction_vertices else geometry
+
+
 class _Summed(NamedTuple):
     """Sums over one toss in its form: Fisher diagonal (P,), score sum (P,), factor (R, P), centroid (3,)."""
 
@@ -109,9 +114,8 @@ class Scorer:
     """Scores tosses of one body at one theta; holds nothing but its arguments and what follows from them."""
 
     def __init__(self, geometry: ContactGeometry, body: Body, config: ScoringConfig) -> None:
-        rigid = geometry.noise is not None or (config.form is Form.RIGID and not geometry.has_own_friction_vertices)
-        geometry = geometry.rigid() if rigid else geometry
-        form = config.form if config.form is Form.CONTACTNETS else Form.RIGID if rigid else Form.PHYSICAL
+        geometry = scored_geometry(geometry, config.form)
+        form = config.form if config.form is Form.CONTACTNETS else Form.RIGID if geometry.is_rigid else Form.PHYSICAL
         self.geometry = geometry
         self.body = body
         self.config = config

@@ -11,6 +11,7 @@ from contact_curation.dashboard.live.screen import number, table
 from contact_curation.dashboard.live.toss_names import linked, time_of, zoned
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.criteria.representative import swap_costs
+from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.subspace import pool_subspace
 from test.dashboard.sessions import Scored, scored, selected_set
@@ -59,6 +60,18 @@ def test_by_representative_the_reasons_say_what_becomes_of_the_expected_error(ma
     assert f"their estimate is {number(curation.optimum_shift.distance)} sigma from" in ranking_page(
         selected_set(curation, TOP, COUNT, "v"), evidence, {}
     )
+
+
+@pytest.mark.parametrize("criterion", ["representative", "log-det"])
+def test_the_numbers_follow_the_settings_of_the_ranking(made: Scored, criterion: str) -> None:
+    config = RankingConfig(criterion, TOP, prior=0.3, cut=0.01)
+    curation = curate(made.informations, config)
+    evidence = evidence_of(made.pool, selected_set(curation, TOP, COUNT, "v"), config)
+    entries = curation.ranking.entries
+    assert [row.toss_id for row in evidence.rows] == [entry.toss_id for entry in entries]
+    assert [row.gain for row in evidence.rows] == pytest.approx([entry.marginal_gain for entry in entries])
+    assert evidence.shift == curation.optimum_shift
+    assert evidence.spectrum.eigenvalues == pytest.approx(curation.spectrum)
 
 
 def test_by_log_det_the_reason_is_what_is_new(made: Scored) -> None:

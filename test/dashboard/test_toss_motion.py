@@ -13,6 +13,7 @@ from contact_curation.contact.models.registry import model_class
 from contact_curation.contact.parameter_form import Form
 from contact_curation.dashboard import toss_motion
 from contact_curation.dashboard.toss_motion import ShownTheta, TossMotion, motion_of
+from contact_curation.information.impacts import merged_impacts
 from contact_curation.motion.transitions import transitions_of
 from test.simulated import simulated_tosses
 
@@ -52,6 +53,24 @@ def test_impulses_too_small_to_see_are_left_out() -> None:
     shown = motion_of(toss, BODY, ShownTheta("true", TRUE), DEFAULT_LOSS).impulses
     sizes = np.linalg.norm(shown.vectors, axis=1)
     assert 0.02 * sizes.max() < sizes.min()
+
+
+def test_a_toss_that_lacks_frames_is_predicted_at_those_that_it_has() -> None:
+    (whole,) = simulated_tosses(1, seed=4)
+    seen = np.delete(np.arange(whole.frames), [7, 20, 21])
+    arrays = ("stamps_ns", "positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
+    toss = replace(whole, **{name: getattr(whole, name)[seen] for name in arrays})
+    motion = motion_of(toss, BODY, ShownTheta("true", TRUE), DEFAULT_LOSS)
+    assert motion.predicted.shape == (toss.frames, 13)
+    assert motion.position_error < 1e-6
+
+
+def test_with_a_restitution_impulses_are_those_of_the_transitions_that_are_scored(motion: TossMotion) -> None:
+    bouncing = replace(TRUE.rigid(), restitution=0.0)
+    shown = motion_of(motion.toss, BODY, ShownTheta("bouncing", bouncing), DEFAULT_LOSS).impulses
+    merged = merged_impacts(transitions_of([motion.toss], BODY.length_scale), BODY)
+    assert len(merged.dt) < motion.toss.frames - 1
+    assert shown.frames.max() <= len(merged.dt)
 
 
 def test_the_vertices_are_those_of_theta() -> None:

@@ -27,7 +27,7 @@ from contact_curation.learning.checkpoints.stored_model import model_bytes
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.motion.toss import Rejected
 from contact_curation.nodes.messages.headers import Stamped, check_format, stamped_of
-from contact_curation.nodes.messages.shown import selected_set_of, theta_of, training_of
+from contact_curation.nodes.messages.shown import first_theta, selected_set_of, theta_of, training_of
 from contact_curation.nodes.messages.throw import throw_message, throw_of
 from contact_curation.nodes.messages.throw_report import report_of
 from contact_curation.nodes.messages.toss import rejected_message, toss_message, toss_of
@@ -61,6 +61,12 @@ def test_the_bytes_of_a_toss_are_those_of_its_message() -> None:
             assert toss_of(read).digest() == toss.digest()
             for name in ("format_version", "header", "toss_id", "body", "source", "sequence", "frame_period"):
                 assert getattr(read, name) == getattr(message, name), name
+
+
+def test_before_the_first_training_the_dashboard_shows_theta_as_it_is_scored() -> None:
+    theta, _ = first_theta("", CONTACTNETS_CUBE)
+    assert theta.geometry is not None
+    assert theta.geometry.is_rigid
 
 
 def test_bytes_of_a_toss_may_have_options_of_the_middleware() -> None:

@@ -17,6 +17,7 @@ from contact_curation.errors import ContactCurationError
 from contact_curation.files import scratch_folder, writing
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
+from contact_curation.information.scoring import scored_geometry
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.ranking import RankConfig
 from contact_curation.pipeline.tosses import read_tosses
@@ -69,6 +70,8 @@ class RankDashboard:
         from contact_curation.dashboard.live.serving import ServingConfig, open_screen
 
         self._config = config
+        theta = config.pool.thetas[0]
+        self._body = theta.body if isinstance(theta, Parameters) else config.pool.reading.body
         self._inputs: Sequence[Path] = arguments.inputs
         port = arguments.web_port if arguments.dashboard else 0
         self._recording: Path | None = arguments.rrd
@@ -80,7 +83,7 @@ class RankDashboard:
             self._serving: ServingConfig = ServingConfig(
                 port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
             )
-            self._screen: Screen = open_screen(self._serving, ranking_layout(config.pool.reading.body))
+            self._screen: Screen = open_screen(self._serving, ranking_layout(self._body))
         except ContactCurationError:
             self.drop()
             raise
@@ -92,11 +95,12 @@ class RankDashboard:
         selected = _selected_set(pool, curation, self._config.ranking.top)
         show_ranked(
             screen=self._screen,
-            body=self._config.pool.reading.body,
+            body=self._body,
             theta=_theta(self._config, selected.version),
             loss=self._config.pool.scoring.loss,
             pool=pool_of([toss.informations[0] for toss in pool.rankable]),
             selected=selected,
+            ranking=self._config.ranking,
             # The tosses are read again, because only their information was kept.
             tosses=read_tosses(self._inputs, self._config.pool.reading, only=selected.toss_ids).by_id,
             rejected=_rejected(pool),
@@ -139,7 +143,7 @@ def _theta(config: RankConfig, version: str) -> "ShownTheta":
 
     theta = config.pool.thetas[0]
     if isinstance(theta, Parameters):
-        return ShownTheta(version, geometry=theta.geometry)
+        return ShownTheta(version, geometry=scored_geometry(theta.geometry, config.pool.scoring.form))
     return ShownTheta(version, model=theta.model())
 
 

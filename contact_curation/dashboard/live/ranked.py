@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.dashboard.evidence import DEFAULT, SelectedSet, evidence_of, selected_spectrum
+from contact_curation.dashboard.evidence import SelectedSet, evidence_of, selected_spectrum
 from contact_curation.dashboard.live.body_view import BodyView
 from contact_curation.dashboard.live.motion_view import MotionView
 from contact_curation.dashboard.live.ranking_view import GateView, RankingView
@@ -15,6 +15,7 @@ from contact_curation.dashboard.live.toss_names import zoned
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
 from contact_curation.information.pool import Pool
+from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.subspace import pool_subspace
 from contact_curation.motion.toss import Toss
 
@@ -35,6 +36,7 @@ def show_ranked(
     loss: LossConfig,
     pool: Pool,
     selected: SelectedSet,
+    ranking: RankingConfig,
     tosses: Mapping[str, Toss],
     rejected: Sequence[RejectedMotion],
 ) -> None:
@@ -42,11 +44,12 @@ def show_ranked(
 
     Args:
         screen: to write to.
-        body: body as it was described.
+        body: body that the tosses were scored with.
         theta: theta that the tosses were scored at.
         loss: loss that impulses are found with.
         pool: all tosses that were ranked.
         selected: those that are selected.
+        ranking: how they were chosen.
         tosses: the selected ones, by id.
         rejected: what the quality checks rejected.
 
@@ -59,10 +62,11 @@ def show_ranked(
     for one in rejected:
         gates.show(one.toss_id, one.frames, one.reasons)
     numbers = {toss_id: place for place, toss_id in enumerate(selected.toss_ids, start=1)}
-    rankings.show_page(selected, evidence_of(pool, selected), {one: place for one, place in numbers.items() if one in tosses})
+    shown = {one: place for one, place in numbers.items() if one in tosses}
+    rankings.show_page(selected, evidence_of(pool, selected, ranking), shown)
     overview = SessionOverview(tosses=len(pool), selected=len(selected.toss_ids), rejected=len(rejected))
     summary.show(overview)
-    subspace = pool_subspace(pool, DEFAULT.cut)
+    subspace = pool_subspace(pool, ranking.cut)
     bodies.show(theta.geometry, uncertainty_if_known(pool, ()))
     for place, toss_id in enumerate(selected.toss_ids, start=1):
         screen.at(Moment(place))

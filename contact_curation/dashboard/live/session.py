@@ -11,7 +11,7 @@ from typing import Any
 
 from contact_curation.contact.body import Body
 from contact_curation.contact.loss_config import LossConfig
-from contact_curation.dashboard.evidence import SelectedSet, evidence_of
+from contact_curation.dashboard.evidence import DEFAULT, SelectedSet, evidence_of
 from contact_curation.dashboard.live.body_view import BodyView
 from contact_curation.dashboard.live.health_view import HealthView, NodeHealth
 from contact_curation.dashboard.live.learning_view import LearningView, TrainingMoment
@@ -24,6 +24,7 @@ from contact_curation.dashboard.live.toss_names import zoned
 from contact_curation.dashboard.toss_motion import ShownTheta, motion_of
 from contact_curation.dashboard.vertex_uncertainty import uncertainty_if_known
 from contact_curation.information.pool import Pool, pool_of
+from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.record import TossInformation
 from contact_curation.motion.toss import Toss
 
@@ -40,12 +41,22 @@ class LiveSession:
         theta: to begin with.
         loss: loss that impulses are found with.
         throws: throws that are planned in all; 0: not known.
+        ranking: how tosses are selected; criterion and number are those of the selected set.
     """
 
-    def __init__(self, screen: Screen, body: Body, theta: ShownTheta, loss: LossConfig, throws: int = 0) -> None:
+    def __init__(
+        self,
+        screen: Screen,
+        body: Body,
+        theta: ShownTheta,
+        loss: LossConfig,
+        throws: int = 0,
+        ranking: RankingConfig = DEFAULT,
+    ) -> None:
         self._screen = screen
         self._body = body
         self._loss = loss
+        self._ranking = ranking
         self._thetas = {theta.version: theta}
         self._theta = theta
         self._informations: dict[str, dict[str, TossInformation]] = {}
@@ -164,7 +175,7 @@ class LiveSession:
             return False
         pool = pool_of(informations.values())
         self._now()
-        self._rankings.show(selected, evidence_of(pool, selected), self._numbers)
+        self._rankings.show(selected, evidence_of(pool, selected, self._ranking), self._numbers)
         self._show_body(pool, selected)
         return len(pool) >= selected.seen
 

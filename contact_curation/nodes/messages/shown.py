@@ -8,12 +8,14 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from contact_curation.contact.body import Body
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.registry import model_entry
+from contact_curation.contact.parameter_form import Form
 from contact_curation.dashboard.evidence import SelectedSet
 from contact_curation.dashboard.live.health_view import NodeHealth
 from contact_curation.dashboard.live.learning_view import TrainingMoment
 from contact_curation.dashboard.live.throw_view import ThrowMade
 from contact_curation.dashboard.toss_motion import ShownTheta
 from contact_curation.errors import InvalidValueError
+from contact_curation.information.scoring import scored_geometry
 from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.nodes.messages.bounds import MOST_IDS, check_size
 from contact_curation.nodes.messages.headers import check_format
@@ -30,7 +32,7 @@ def first_theta(parameters: str, body: Body) -> tuple[ShownTheta, Body]:
         UnreadableInputError, InvalidValueError: the file contains no theta.
     """
     if not parameters:
-        return ShownTheta("", ContactGeometry.of_body(body)), body
+        return ShownTheta("", _as_scored(ContactGeometry.of_body(body))), body
     theta, body = read_scored_theta(Path(parameters), body)
     return _shown("", theta, body), body
 
@@ -50,10 +52,15 @@ def _shown(version: str, theta: ScoredTheta, body: Body) -> ShownTheta:
         wanted = len(body.vertices)  # it is drawn along the body's edges
         if geometry.vertex_count != wanted:
             raise InvalidValueError("vertices of the parameters", geometry.vertex_count, f"{wanted}, as the body has")
-        return ShownTheta(version, geometry=geometry)
+        return ShownTheta(version, geometry=_as_scored(geometry))
     from contact_curation.learning.checkpoints.stored_model import model_of_bytes  # torch takes over a second to import
 
     return ShownTheta(version, model=model_of_bytes(theta.data, "model_parameters", body))
+
+
+def _as_scored(geometry: ContactGeometry) -> ContactGeometry:
+    """The geometry that tosses are scored at, where the scorer's form is the default one."""
+    return scored_geometry(geometry, Form.RIGID)
 
 
 def selected_set_of(message: Any) -> SelectedSet:

@@ -1,5 +1,6 @@
 """`rank --dashboard` and `--recording`."""
 
+import json
 import os
 import signal
 import socket
@@ -8,8 +9,13 @@ import sys
 from pathlib import Path
 from urllib.request import urlopen
 
+import numpy as np
+import pytest
 from rerun.chunk import RrdReader
 
+from contact_curation.contact.body import CONTACTNETS_CUBE as BODY
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.dashboard.live.screen import number
 from test.cli.commands import Cli
 from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
@@ -34,6 +40,26 @@ def test_a_recording_shows_what_is_known_down_the_ranking(cli: Cli, golden: Path
     assert written.blueprints == 1
     assert len(RrdReader(path.with_suffix(".rbl")).blueprints()) == 1, "for `rerun OTHER.rrd ranking.rbl`"
     assert {one.name for one in tmp_path.iterdir()} == {"ranking.rrd", "ranking.rbl"}
+
+
+def test_what_is_shown_follows_the_settings_and_the_body_of_the_parameters(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    theta, scale = ContactGeometry.of_body(BODY), 2.0 * BODY.length_scale
+    vertices = (BODY.vertices / scale).tolist()
+    data = {"vertices_normal": vertices, "vertices_tangent": vertices, "length_scale": scale}
+    data |= {"normal": theta.normal.tolist(), "tangents": theta.tangents.tolist()}
+    (tmp_path / "theta.json").write_text(json.dumps(data))
+    settings = ["--set", "ranking.prior=1", "--set", "ranking.cut=0.01"]
+    path = tmp_path / "ranking.rrd"
+    words = ["--params", tmp_path / "theta.json", "--top", TOP, *settings, "--json", "--rrd", path]
+    told = json.loads(cli("rank", golden, *words).out)
+    written = Recorded(path)
+    faces = written.column("/body/learned/faces", "Mesh3D:vertex_positions")[-1]
+    assert np.abs(faces).max() == pytest.approx(np.abs(BODY.vertices).max())
+    (page,) = written.texts("/ranking")
+    shift = told["diagnostics"]["optimum_shift"]
+    assert f"their estimate is {number(shift['distance'])} sigma from the full-data estimate" in page
+    (tensor,) = written.column("/spectrum", "BarChart:values")[-1]
+    assert np.asarray(tensor["buffer"]) == pytest.approx(told["diagnostics"]["spectrum"])
 
 
 def test_a_ranking_that_fails_leaves_what_an_earlier_one_wrote(cli: Cli, golden: Path, tmp_path: Path) -> None:
