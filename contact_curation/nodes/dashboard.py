@@ -42,7 +42,7 @@ from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.records import ServedDashboard, write_record
 from contact_curation.stages.scoring import checked_body
-from contact_curation.storage.outputs import check_replaceable
+from contact_curation.storage.outputs import BLUEPRINT, check_replaceable
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 
@@ -207,7 +207,8 @@ def declared_serving(node: StageNode) -> ServingConfig:
     """
     recording = declare(node, "rrd", "", "Rerun file (.rrd) to write the session to; empty: none")
     if recording:
-        check_replaceable("parameter rrd", Path(recording), "a new name, or that of an earlier dashboard's file")
+        for path in (Path(recording), Path(recording).with_suffix(BLUEPRINT)):
+            check_replaceable("parameter rrd", path, "a new name, or that of an earlier dashboard's file")
     return ServingConfig(
         web_port=declare(node, "web_port", 9090, "port of the web page; 0: none is served"),
         grpc_port=declare(node, "grpc_port", 9876, "port of the data that the web page shows"),

@@ -15,6 +15,9 @@ from contact_curation.errors import InvalidValueError
 CSV, PROVENANCE = ".csv", ".provenance.json"
 """Endings of a manifest's table, and of the file beside it that holds its head."""
 
+BLUEPRINT = ".rbl"
+"""Ending of the layout's file beside a dashboard's recording, for `rerun OTHER.rrd SESSION.rbl`."""
+
 MARKS = {
     ".parquet": (b"contact_curation_manifest",),
     CSV: (b"contact_curation_manifest",),
@@ -23,6 +26,7 @@ MARKS = {
     ".png": (b"Software\0contact_curation",),
     ".jsonl": (b'{"event": "start", "gradient_steps": ',),
     ".rrd": (b"contact_curation",),
+    BLUEPRINT: (b"contact_curation",),
 }
 """Marks near the beginning or the end of files that this program made, by their file name ending."""
 

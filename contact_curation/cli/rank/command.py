@@ -39,7 +39,7 @@ from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import form_of, of_other_rigs, thetas_of
 from contact_curation.pipeline.workers import Engine
 from contact_curation.storage.manifest.file import FORMATS, check_names, provenance_of
-from contact_curation.storage.outputs import CSV
+from contact_curation.storage.outputs import BLUEPRINT, CSV
 
 STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
 BLOCKS = ("all", "physical")
@@ -160,6 +160,8 @@ def run(arguments: argparse.Namespace) -> int:
     """
     figure = _figure(arguments)
     check_outputs(overwrite=arguments.overwrite, out=arguments.out, figure=figure, rrd=arguments.rrd)
+    if arguments.rrd:
+        check_outputs(overwrite=arguments.overwrite, rrd=arguments.rrd.with_suffix(BLUEPRINT))
     if arguments.out and arguments.out.suffix == CSV:
         check_outputs(overwrite=arguments.overwrite, out=provenance_of(arguments.out))
     if arguments.out:

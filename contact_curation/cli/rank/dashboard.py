@@ -21,6 +21,7 @@ from contact_curation.information.scoring import scored_geometry
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.ranking import RankConfig
 from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.storage.outputs import BLUEPRINT
 from contact_curation.storage.parameters_file import Parameters
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ class RankDashboard:
         Raises:
             UnwritableOutputError: the file is not whole.
         """
-        from contact_curation.dashboard.live.serving import BLUEPRINT, close_screen
+        from contact_curation.dashboard.live.serving import close_screen
 
         if self._serving.web_port:
             with StopSignals() as signals:

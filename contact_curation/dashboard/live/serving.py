@@ -17,10 +17,9 @@ from contact_curation.dashboard.live.recorded_file import RecordedFile
 from contact_curation.dashboard.live.screen import Screen
 from contact_curation.dashboard.live.web_viewer import POLL, WebViewer, listens
 from contact_curation.errors import InvalidValueError
+from contact_curation.storage.outputs import BLUEPRINT
 
 APPLICATION = "contact_curation"
-BLUEPRINT = ".rbl"
-"""Ending of the layout's file beside a recording, for `rerun OTHER.rrd SESSION.rbl`."""
 
 HERE, ANYWHERE = "127.0.0.1", "0.0.0.0"
 LONGEST_BIND = 5.0

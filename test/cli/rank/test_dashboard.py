@@ -71,6 +71,17 @@ def test_a_ranking_that_fails_leaves_what_an_earlier_one_wrote(cli: Cli, golden:
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
+def test_a_file_that_is_no_layout_of_ours_is_not_replaced_by_the_layout(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    (tmp_path / "ranking.rbl").write_text("mine")
+    outcome = cli("rank", golden, "--rrd", tmp_path / "ranking.rrd")
+    assert (outcome.status, outcome.out) == (1, "")
+    assert outcome.err_lines == [
+        f"contact-curation: error: --rrd: found a file at {tmp_path / 'ranking.rbl'}, "
+        "expected a new name, or --overwrite to replace it"
+    ]
+    assert [path.name for path in tmp_path.iterdir()] == ["ranking.rbl"]
+
+
 def test_a_taken_port_is_one_line_before_anything_is_read(cli: Cli, golden: Path) -> None:
     with socket.socket() as holder:
         holder.bind(("127.0.0.1", 0))
