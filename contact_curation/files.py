@@ -23,6 +23,9 @@ from contact_curation.errors import (
     why_unreadable,
 )
 
+BLUEPRINT = ".rbl"
+"""Ending of the layout's file beside a dashboard's recording, for `rerun OTHER.rrd SESSION.rbl`."""
+
 MOST_VALUES = 1_000_000
 """In a YAML file, whose few aliases can stand for any number."""
 LONG_TEXT = 100

@@ -25,6 +25,7 @@ from contact_curation.dashboard.live.layout import live_layout
 from contact_curation.dashboard.live.serving import HERE, ServingConfig, close_screen, open_screen
 from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.errors import ContactCurationError
+from contact_curation.files import BLUEPRINT
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import check_format, nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, selected_set_of, theta_of, throw_made_of, training_of
@@ -42,7 +43,7 @@ from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.stages.records import ServedDashboard, write_record
 from contact_curation.stages.scoring import checked_body
-from contact_curation.storage.outputs import BLUEPRINT, check_replaceable
+from contact_curation.storage.outputs import check_replaceable
 
 TOSSES = Source(TossMessage, "toss", GetTosses, "get_tosses", "tosses", page=16)
 

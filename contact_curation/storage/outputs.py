@@ -11,12 +11,10 @@ from hashlib import sha256
 from pathlib import Path
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import BLUEPRINT
 
 CSV, PROVENANCE = ".csv", ".provenance.json"
 """Endings of a manifest's table, and of the file beside it that holds its head."""
-
-BLUEPRINT = ".rbl"
-"""Ending of the layout's file beside a dashboard's recording, for `rerun OTHER.rrd SESSION.rbl`."""
 
 MARKS = {
     ".parquet": (b"contact_curation_manifest",),

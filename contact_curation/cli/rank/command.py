@@ -26,6 +26,7 @@ from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.contact.models.registry import MODELS
 from contact_curation.contact.parameter_form import Form
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import BLUEPRINT
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.network.config import CPU, GPU_MEMORY_MB, Device, network_config_for
 from contact_curation.information.ranker import RankingConfig, criterion_names
@@ -39,7 +40,7 @@ from contact_curation.pipeline.scoring import PoolConfig
 from contact_curation.pipeline.theta import form_of, of_other_rigs, thetas_of
 from contact_curation.pipeline.workers import Engine
 from contact_curation.storage.manifest.file import FORMATS, check_names, provenance_of
-from contact_curation.storage.outputs import BLUEPRINT, CSV
+from contact_curation.storage.outputs import CSV
 
 STAGES = (*SHARED_STAGES, "loss", "network", "ranking")
 BLOCKS = ("all", "physical")

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.errors import ContactCurationError
-from contact_curation.files import scratch_folder, writing
+from contact_curation.files import BLUEPRINT, scratch_folder, writing
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
 from contact_curation.information.scoring import scored_geometry
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.ranking import RankConfig
 from contact_curation.pipeline.tosses import read_tosses
-from contact_curation.storage.outputs import BLUEPRINT
 from contact_curation.storage.parameters_file import Parameters
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from contact_curation.dashboard.live.recorded_file import RecordedFile
 from contact_curation.dashboard.live.screen import Screen
 from contact_curation.dashboard.live.web_viewer import POLL, WebViewer, listens
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.outputs import BLUEPRINT
+from contact_curation.files import BLUEPRINT
 
 APPLICATION = "contact_curation"
 

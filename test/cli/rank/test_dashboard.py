@@ -75,10 +75,8 @@ def test_a_file_that_is_no_layout_of_ours_is_not_replaced_by_the_layout(cli: Cli
     (tmp_path / "ranking.rbl").write_text("mine")
     outcome = cli("rank", golden, "--rrd", tmp_path / "ranking.rrd")
     assert (outcome.status, outcome.out) == (1, "")
-    assert outcome.err_lines == [
-        f"contact-curation: error: --rrd: found a file at {tmp_path / 'ranking.rbl'}, "
-        "expected a new name, or --overwrite to replace it"
-    ]
+    expected = "expected a new name, or --overwrite to replace it"
+    assert outcome.err_lines == [f"contact-curation: error: --rrd: found a file at {tmp_path / 'ranking.rbl'}, {expected}"]
     assert [path.name for path in tmp_path.iterdir()] == ["ranking.rbl"]
 
 
