@@ -45,7 +45,7 @@ class Trainer(StageNode):
         protocol = declared_protocol(self, kind)
         rounds = declare_config(self, RoundsConfig())
         seed = declare(self, "seed", 0, "random seed of the initialisation and the shuffles", bounds=(0, 1 << 31))
-        first = declared_first_model(self, kind, self._body, protocol, seed)
+        first, self._body = declared_first_model(self, kind, self._body, protocol, seed)
         self._held_out = declared_held_out(self, self._body)
         store = Path(declare(self, "store", "trainer.sqlite", "file that stores fetched tosses"))
         checkpoint = declare(

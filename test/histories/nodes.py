@@ -225,7 +225,7 @@ def in_one_process() -> Iterator[None]:
         curator: {"INFORMATION": replace(INFORMATION, page=2), "information_of": _information_of},
         trainer: {
             "declared_protocol": lambda node, _: numbers.Script(node._process.parameters["exact"]),
-            "declared_first_model": lambda *_: lambda _: numbers.ThetaModel(0),
+            "declared_first_model": lambda node, kind, body, *_: (lambda _: numbers.ThetaModel(0), body),
             "declared_held_out": lambda *_: _NoTosses(),
             "toss_of": lambda message: message.toss,
             "model_version": lambda model: numbers.version(model.number),

@@ -76,8 +76,10 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     )
 
 
-def declared_first_model(node: Node, kind: str, body: Body, protocol: TrainingConfig, seed: int) -> Callable[[Rows], Model]:
-    """Returns a function that makes the initial model: from a file, or `learning.training.plan.first_model`.
+def declared_first_model(
+    node: Node, kind: str, body: Body, protocol: TrainingConfig, seed: int
+) -> tuple[Callable[[Rows], Model], Body]:
+    """Returns a function that makes the initial model, from a file or `learning.training.plan.first_model`, and its body.
 
     Raises:
         ContactCurationError: the file contains no model of this kind.
@@ -85,11 +87,11 @@ def declared_first_model(node: Node, kind: str, body: Body, protocol: TrainingCo
     path = declare(node, "params", "", "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation")
     protocol.shape_of(body)  # refuses what is no length of it
     if not path:
-        return lambda data: first_model(kind, body, protocol, data, seed)
+        return lambda data: first_model(kind, body, protocol, data, seed), body
     model = _stored_model(Path(path), body, protocol.form)
     if model.kind != kind:
         raise InvalidValueError(f"model in {path}", model.kind, kind)
-    return lambda _: model
+    return lambda _: model, model.body
 
 
 def declared_held_out(node: Node, body: Body) -> HeldOutTosses:
