@@ -26,6 +26,7 @@ from contact_curation.dashboard.live.serving import HERE, ServingConfig, close_s
 from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.errors import ContactCurationError
 from contact_curation.files import BLUEPRINT
+from contact_curation.information.ranker import RankingConfig
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.nodes.messages.headers import check_format, nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, selected_set_of, theta_of, throw_made_of, training_of
@@ -63,11 +64,14 @@ class Dashboard(StageNode):
             self, "queue", 512, "largest number of waiting messages; further ones are dropped", bounds=(1, 1 << 20)
         )
         throws = declare(self, "throws", 0, "number of planned throws, for `throw n of N`; 0: not known", bounds=(0, 1_000_000))
+        prior = declare(self, "prior", RankingConfig.prior, "prior information of the ranking, as the curator has it")
+        cut = declare(self, "cut", RankingConfig.cut, "eigenvalues that are not identifiable, as the curator has it")
+        ranking = RankingConfig(prior=prior, cut=cut)
         state = declare(self, "state", "", "file to write the dashboard's address to once it is served; empty: none")
         serving = declared_serving(self)
         theta, self._body = first_theta(parameters, self._body)
         self._screen = open_screen(serving, live_layout(self._body))
-        self._session = LiveSession(self._screen, self._body, theta, loss, throws)
+        self._session = LiveSession(self._screen, self._body, theta, loss, throws, ranking)
         self._dropped: Counter[str] = Counter()
         self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)

@@ -42,6 +42,9 @@ FORMER_NAMES = {
 }
 """Of parameters, with their present ones; they are still taken."""
 
+OF_RANKING = ("prior", "cut")
+"""Parameters of the curator that the dashboard has to know."""
+
 KINDS = {bool: "true or false", int: "a whole number", float: "a number with a point", str: "a word", list: "a list"}
 """What parameters are, in words."""
 
@@ -67,8 +70,9 @@ def session_parameters(config: SessionConfig, body: Body, folder: SessionFolder)
     for name in names:
         merged[name] = {**given.get(EVERY_NODE, {}), **given.get(name, {}), **optional.get(name, {})}
     merged["throw_designer"] = {**_of_the_arm(config, merged["sim_arm"]), **merged["throw_designer"]}
-    if config.dashboard:
-        merged[DASHBOARD] = {**_free_ports(), **merged[DASHBOARD]}
+    if DASHBOARD in merged:
+        of_ranking = {name: value for name, value in merged["curator"].items() if name in OF_RANKING}
+        merged[DASHBOARD] = {**(_free_ports() if config.dashboard else {}), **of_ranking, **merged[DASHBOARD]}
     return {name: values | own.get(name, {}) for name, values in merged.items()}
 
 

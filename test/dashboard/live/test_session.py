@@ -9,10 +9,13 @@ import rerun as rr
 
 from contact_curation.dashboard.live.health_view import NodeHealth
 from contact_curation.dashboard.live.learning_view import TrainingMoment
+from contact_curation.dashboard.live.screen import number
 from contact_curation.dashboard.live.session import LiveSession
 from contact_curation.dashboard.live.summary_view import SessionOverview, summary_page
 from contact_curation.dashboard.live.throw_view import ThrowMade, throws_page
 from contact_curation.dashboard.toss_motion import ShownTheta
+from contact_curation.information.curation import curate
+from contact_curation.information.ranker import RankingConfig
 from test.dashboard.recorded import Recorded, finite, recorded, recording_screen
 from test.dashboard.sessions import BODY, CONFIG, Scored, fed, scored, selected_set, throw_of
 
@@ -85,8 +88,8 @@ def test_the_page_of_the_ranking_says_of_every_toss_why(session: Recorded) -> No
 
 
 def test_a_row_leads_to_a_path_that_is_there(session: Recorded, made: Scored) -> None:
-    for number, toss in enumerate(made.tosses, start=1):
-        ((strip,),) = session.column(f"/scene/tosses/{number}", "LineStrips3D:strips")
+    for place, toss in enumerate(made.tosses, start=1):
+        ((strip,),) = session.column(f"/scene/tosses/{place}", "LineStrips3D:strips")
         assert strip == pytest.approx(toss.positions, abs=1e-6)
     assert session.column("/scene/name", "Points3D:labels")[-1] == [f"toss {COUNT}, 12:27:30 UTC"]
 
@@ -195,6 +198,19 @@ def test_a_kept_set_waits_for_information_that_has_not_come(made: Scored, tmp_pa
     live.add_information(missing)
     assert live.show_ranking()
     assert recorded(screen, tmp_path / "waits.rrd").rows("/ranking") == 1 + drawable
+
+
+def test_the_page_follows_the_prior_of_the_ranking(made: Scored, tmp_path: Path) -> None:
+    config = RankingConfig(top=TOP, prior=0.3)
+    curation = curate(made.informations, config)
+    screen = recording_screen(tmp_path / "prior.rrd")
+    live = LiveSession(screen, BODY, made.theta, CONFIG.loss, ranking=config)
+    live.set_selected(selected_set(curation, TOP, COUNT, made.theta.version), 0)
+    for information in made.informations:
+        live.add_information(information)
+    assert live.show_ranking()
+    page = recorded(screen, tmp_path / "prior.rrd").texts("/ranking")[-1]
+    assert f"their estimate is {number(curation.optimum_shift.distance)} sigma from" in page
 
 
 def test_a_toss_that_comes_twice_is_one_and_a_new_theta_predicts_the_newest_again(made: Scored, tmp_path: Path) -> None:
