@@ -1,5 +1,7 @@
 """The tossed object, as its user describes it in SI units."""
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -165,6 +167,11 @@ class Body:
     def to_mapping(self) -> dict[str, object]:
         """All values by their names, as JSON and YAML have them."""
         return plain_values(self)
+
+    @property
+    def digest(self) -> str:
+        """Of all values: another one for another body."""
+        return hashlib.sha256(json.dumps(self.to_mapping()).encode()).hexdigest()[:8]
 
 
 def _inverse(positive: Array) -> Array:

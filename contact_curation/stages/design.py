@@ -33,6 +33,7 @@ from contact_curation.stages.records import (
     record_key,
     stored_records,
 )
+from contact_curation.stages.scored_theta import forget_theta_of_another_body
 from contact_curation.stages.throw_log import ThrowLog
 from contact_curation.storage.stores.state import States
 
@@ -107,8 +108,9 @@ class DesignStage:
         self._particles: dict[str, Particle] = {}
         self._planners: dict[str, Planner] = {}
         self._log = ThrowLog(states)
+        forget_theta_of_another_body(states, body, THETA)
         known = states.load(THETA)
-        theta = geometry_of_bytes(known) if known is not None else geometry
+        theta = geometry_of_bytes(known) if known else geometry
         if theta is not None:
             self._take_up(self._designer.particle(theta))
 

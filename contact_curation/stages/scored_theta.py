@@ -14,6 +14,7 @@ from contact_curation.information.network.model_scorer import TossScorer, scorer
 from contact_curation.information.scoring import Scorer, ScoringConfig
 from contact_curation.learning.checkpoints.theta_bytes import bytes_of_geometry, geometry_of_bytes
 from contact_curation.storage.parameters_file import Parameters, read_theta
+from contact_curation.storage.stores.state import States
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
@@ -29,6 +30,17 @@ class ScoredTheta(NamedTuple):
 
     model: str
     data: bytes
+
+
+OF_BODY = "body of theta"
+"""What the digest of the body is kept under that the theta in a store is of."""
+
+
+def forget_theta_of_another_body(states: States, body: Body, *keys: str) -> None:
+    """Empties the values under some keys of a store, if they are of another body; those of an unknown body stay."""
+    own, known = body.digest.encode(), states.load(OF_BODY)
+    if known != own:
+        states.save({OF_BODY: own} | ({} if known is None else dict.fromkeys(keys, b"")))
 
 
 def theta_of_geometry(geometry: ContactGeometry) -> ScoredTheta:

@@ -23,7 +23,7 @@ from contact_curation.stages.records import (
     load_record,
     stored_records,
 )
-from contact_curation.stages.scored_theta import ScoredTheta, scorer_of
+from contact_curation.stages.scored_theta import ScoredTheta, forget_theta_of_another_body, scorer_of
 from contact_curation.storage.stores.information import InformationStore
 
 PARAMETERS, MODEL = "parameters", "model"
@@ -76,8 +76,9 @@ class ScoringStage:
         self._config = config
         self._informations = informations
         self._states = informations.states
+        forget_theta_of_another_body(self._states, body, PARAMETERS, MODEL, *NOTHING_NEXT)
         stored, model = self._states.load(PARAMETERS), self._states.load(MODEL) or theta.model.encode()
-        known = theta if stored is None else ScoredTheta(model.decode(), stored)
+        known = ScoredTheta(model.decode(), stored) if stored else theta
         self._scorer = self._checked(scorer_of(known, body, config))
         self._begun: BegunToss | None = None
         self._foreseen: _Foreseen | None = None

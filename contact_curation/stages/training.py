@@ -8,8 +8,6 @@ The checkpoint holds the training in the middle of a round, and which round that
 with them a `TrainingRecord` for whoever supervises.
 """
 
-import hashlib
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -318,8 +316,7 @@ class TrainingStage:
 
 def made_of(kind: str, body: Body) -> str:
     """Kind of model and body in words, with a digest of all the body's values."""
-    digest = hashlib.sha256(json.dumps(body.to_mapping()).encode()).hexdigest()[:8]
-    return f"{kind} of {body.name}, {body.mass:g} kg ({digest})"
+    return f"{kind} of {body.name}, {body.mass:g} kg ({body.digest})"
 
 
 def _round_of(notes: Mapping[str, str], path: Path) -> Round:

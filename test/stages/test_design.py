@@ -88,6 +88,12 @@ def test_theta_is_trusted_when_tosses_fit_it_and_the_theta_before_it_was_like_it
     assert proposal.throw.expected_information > 0.0
 
 
+def test_a_theta_of_another_body_is_forgotten(states: StateStore) -> None:
+    DesignStage(CUBE, CONFIG, states).renew(NEARLY.geometry)
+    assert DesignStage(CUBE, CONFIG, states).version == NEARLY.version
+    assert DesignStage(replace(CUBE, mass=2.0 * CUBE.mass), CONFIG, states).version == ""
+
+
 def test_what_theta_learned_from_does_not_count_as_predicted(states: StateStore) -> None:
     stage = DesignStage(CUBE, CONFIG, states, TRUE)
     stage.renew(NEARLY.geometry)

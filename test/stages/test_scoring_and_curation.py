@@ -17,7 +17,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.information.curation import curate
 from contact_curation.information.ranker import RankingConfig, rank
 from contact_curation.information.record import TossInformation
-from contact_curation.information.scoring import BegunToss, ScoringConfig
+from contact_curation.information.scoring import BegunToss, ScoringConfig, parameters_version
 from contact_curation.motion.toss import Toss
 from contact_curation.nodes.messages.curated_buffer import buffer_message
 from contact_curation.stages.curation import CurationConfig, CurationStage
@@ -322,6 +322,23 @@ def test_a_body_that_comes_back_after_restarts_is_scored_and_ranked_as_a_new_one
     assert [number for _, number in versions] == [8, 8, 8, 0]
     assert versions[0][0] != versions[1][0]
     assert [one.candidates[0].parameters_version for one in ranked if one] == [version for version, _ in versions]
+
+
+def test_another_body_on_the_same_store_is_scored_at_its_own_theta_and_not_at_what_was_learned(tmp_path: Path) -> None:
+    with scoring(tmp_path) as scorer:
+        first = scorer.version
+        scorer.renew(theta_of_geometry(LARGER))
+        scorer.postpone(theta_of_geometry(replace(CUBE, height=0.01)))
+        learned = scorer.version
+    with scoring(tmp_path) as scorer:
+        assert scorer.version == learned
+        assert scorer.postponed is not None
+    heavier = replace(CONTACTNETS_CUBE, mass=2.0 * CONTACTNETS_CUBE.mass)
+    with scoring(tmp_path, heavier) as scorer:
+        assert scorer.version == parameters_version(CUBE, heavier)
+        assert scorer.postponed is None
+    with scoring(tmp_path) as scorer:
+        assert scorer.version == first
 
 
 def test_what_comes_once_more_after_a_death_does_not_bring_an_older_theta_back(tmp_path: Path) -> None:
