@@ -48,7 +48,7 @@ class Curator(StageNode):
         self._overwrites = declare(self, "save_overwrites", False, "whether save_buffer replaces an earlier manifest")
         self._informations = InformationStore(store)
         self._informations.claim()
-        self._stage = CurationStage(ranking, config, self._informations)
+        self._stage = CurationStage(ranking, config, self._informations, self._body.name)
         self._wanted = self._stage.ranking
         self._warnings = ThrottledWarnings(self)
         self._buffer: Buffer | None = None

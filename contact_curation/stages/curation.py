@@ -97,12 +97,13 @@ class CurationStage:
         ranking: criterion and number of tosses.
         config: how they are kept.
         informations: where everything that came, the place in the stream and the buffer are stored.
+        body: its name; information of another one in the store is dropped. Empty for any.
 
     Raises:
         InvalidValueError: the criterion is not possible with this selection.
     """
 
-    def __init__(self, ranking: RankingConfig, config: CurationConfig, informations: InformationStore) -> None:
+    def __init__(self, ranking: RankingConfig, config: CurationConfig, informations: InformationStore, body: str = "") -> None:
         self._config = config
         self._informations = informations
         self._states = informations.states
@@ -111,6 +112,11 @@ class CurationStage:
         self._newest, self._most, known = position.newest, position.most, position.versions
         self._selections: dict[str, Selection] = {}
         self._order = list(informations.versions if known is None else known)
+        if others := [version for version in self._order if body and self._body_at(version) not in ("", body)]:
+            self._newest, self._most = Stamped(), 0
+            self._order = [version for version in self._order if version not in others]
+            for version in others:
+                informations.drop_version(version)
         self.rank_by(ranking)
 
     @property
@@ -191,6 +197,10 @@ class CurationStage:
         """Stamp of a stored toss's last frame."""
         header = load_record(self._states.load, TossHeader, toss_id)
         return 0 if header is None else header.stamped.stamp_ns
+
+    def _body_at(self, version: str) -> str:
+        """Name of the body whose tosses are stored at a theta; empty where none are."""
+        return next((stored.information.body for stored in self._informations.all_of(version)), "")
 
     def _fresh(self, ranking: RankingConfig) -> Selection:
         return selection_of(self._config.selection, ranking, self._config.prior_tosses)

@@ -324,6 +324,20 @@ def test_a_body_that_comes_back_after_restarts_is_scored_and_ranked_as_a_new_one
     assert [one.candidates[0].parameters_version for one in ranked if one] == [version for version, _ in versions]
 
 
+def test_information_of_another_body_in_the_store_is_neither_ranked_nor_waited_for(tmp_path: Path) -> None:
+    with curating(tmp_path) as stage:
+        added(stage, scored(TOSSES))
+    with store(tmp_path) as informations:
+        stage = CurationStage(RankingConfig(top=3), CurationConfig(), informations, "brick")
+        assert stage.buffer() is None
+        for one in scored(TOSSES[:2]):
+            stage.add(replace(one, body="brick", toss_id=f"brick-{one.toss_id}"), 1, "board")
+        buffer = stage.buffer()
+    assert buffer is not None
+    assert {one.body for one in buffer.candidates} == {"brick"}
+    assert (buffer.seen, buffer.newest_stamp_ns) == (2, 1)
+
+
 def test_another_body_on_the_same_store_is_scored_at_its_own_theta_and_not_at_what_was_learned(tmp_path: Path) -> None:
     with scoring(tmp_path) as scorer:
         first = scorer.version
