@@ -92,6 +92,6 @@ def _check_body(found: Body, expected: Body | None, source: Path | str) -> None:
     if expected is not None and (other := found.first_difference(expected)):
         raise UnreadableInputError(
             source,
-            f"is for the body {found.name!r}, whose {other} differs from that of the body {expected.name!r} in use: leave out "
-            "--body, since the file has its body, or give the one that it is for",
+            f"is for the body {found.name!r}, whose {other} differs from that of the body {expected.name!r} in use: give the "
+            "body that it is for; a command without --body takes it from the file",
         )
