@@ -72,6 +72,7 @@ class Pool:
         for indices in self.chunks():
             rows = self.stacked(indices).reshape(-1, self.parameters)
             pooled += rows.T @ rows
+        pooled.flags.writeable = False
         return pooled
 
     def chunks(self) -> Iterator[Indices]:
@@ -100,10 +101,11 @@ class Pool:
         scores = np.stack([info.score_sum for info in self.infos])
         if self._shifts is not None:
             scores = sheared(scores, blocks, self._shifts)
-        if self.network_scores is None:
-            return scores
-        exact = [scores[:, block.start : block.stop] for block in blocks if not block.sketched]
-        return np.concatenate([*exact, self.network_scores], axis=1)
+        if self.network_scores is not None:
+            exact = [scores[:, block.start : block.stop] for block in blocks if not block.sketched]
+            scores = np.concatenate([*exact, self.network_scores], axis=1)
+        scores.flags.writeable = False
+        return scores
 
     @property
     def sketched(self) -> bool:

@@ -44,11 +44,13 @@ def rank_particles(pools: Sequence[Pool], config: RankingConfig) -> Ranking:
         config: how to rank.
 
     Raises:
-        InvalidValueError: no particle, particles of different tosses, or as in `rank`.
+        InvalidValueError: no particle, particles of different tosses, a criterion of one's own that gives back no ranking of
+            these tosses, or as in `rank`.
         NotScoredError: as in `rank`.
     """
     if not pools:
         raise InvalidValueError("parameter particles", "none", "at least one")
     if any(pool.ids != pools[0].ids for pool in pools):
         raise InvalidValueError("parameter particles", "different tosses", "the same tosses under every particle")
-    return ranking_of(config.criterion, pools[0].ids, criterion_named(config.criterion).select(pools, config))
+    selection = criterion_named(config.criterion).select(pools, config)
+    return ranking_of(config.criterion, pools[0].ids, selection, config.top)

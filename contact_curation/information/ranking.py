@@ -1,5 +1,6 @@
 """A ranking: every toss of a pool, the selected ones first, each with the evidence for its place; and how alike two are."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -77,8 +78,8 @@ class Selection:
 
     Attributes:
         order: (K,) all tosses, best first; the first k are selected.
-        scores: (K,) what the criterion says of each toss alone, in the order of the pool.
-        gains: (K,) marginal gains as in `RankedToss`, in the order of the pool.
+        scores: (K,) what the criterion says of each toss alone, in the order of the pool; finite.
+        gains: (K,) finite marginal gains as in `RankedToss`, in the order of the pool.
         count: k, how many are selected.
         certificate: see `Ranking`.
         diagnostics: see `Ranking`.
@@ -100,6 +101,7 @@ def modular_selection(scores: Array, top: int, *, exact: bool = False) -> Select
         top: how many tosses to select.
         exact: only equal scores tie, as for scores that do not depend on how tosses are batched.
     """
+    scores = np.asarray(scores, dtype=np.float64)
     order = descending(scores, 0.0, 0.0) if exact else descending(scores)
     return Selection(order, scores, scores, min(top, scores.size))
 
@@ -132,19 +134,43 @@ def greedy_selection(
         certificate: see `Ranking`.
         diagnostics: see `Ranking`.
     """
-    others = descending(final_gains)
+    gains = np.array(final_gains, dtype=np.float64)
+    others = descending(gains)
     order = np.concatenate([picks, others[~np.isin(others, picks)]])
-    gains = final_gains.copy()
     gains[picks] = pick_gains
     return Selection(order, scores, gains, picks.size, certificate, diagnostics)
 
 
-def ranking_of(criterion: str, ids: Sequence[str], selection: Selection) -> Ranking:
-    """The ranking that a selection from the tosses `ids` amounts to."""
-    scores, gains = selection.scores.tolist(), selection.gains.tolist()
-    places = enumerate(selection.order.tolist(), start=1)
+def ranking_of(criterion: str, ids: Sequence[str], selection: Selection, top: int) -> Ranking:
+    """The ranking that a selection of at most `top` of the tosses `ids` amounts to.
+
+    Raises:
+        InvalidValueError: it is no such selection, as of a criterion of one's own: a score or gain that is not finite, not one
+            for each toss, a toss twice in the order or not at all, or none or too many selected.
+    """
+    scores = _one_for_each_toss(selection.scores, f"scores by criterion {criterion}", ids)
+    gains = _one_for_each_toss(selection.gains, f"gains by criterion {criterion}", ids)
+    order = np.asarray(selection.order).tolist()
+    if sorted(order) != list(range(len(ids))):
+        found = f"{len(order)} places, {len(set(order))} different"
+        raise InvalidValueError(f"order by criterion {criterion}", found, f"each place from 0 to {len(ids) - 1} once")
+    most = min(top, len(ids))
+    if not 1 <= selection.count <= most:
+        raise InvalidValueError(f"count by criterion {criterion}", selection.count, f"1 to {most} selected tosses")
+    places = enumerate(order, start=1)
     entries = tuple(RankedToss(ids[i], rank, scores[i], gains[i], rank <= selection.count) for rank, i in places)
     return Ranking(criterion, entries, selection.certificate, selection.diagnostics)
+
+
+def _one_for_each_toss(values: Array, name: str, ids: Sequence[str]) -> list[float]:
+    values = np.asarray(values, dtype=np.float64)
+    if values.shape != (len(ids),):
+        raise InvalidValueError(name, f"shape {values.shape}", f"({len(ids)},), one for each toss")
+    numbers: list[float] = values.tolist()
+    for toss_id, number in zip(ids, numbers, strict=True):
+        if not math.isfinite(number):
+            raise InvalidValueError(f"{name} of toss {toss_id}", number, "a finite number")
+    return numbers
 
 
 def spearman(one: Ranking, other: Ranking) -> float:

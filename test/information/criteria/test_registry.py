@@ -13,7 +13,7 @@ from contact_curation.information.criteria.criterion import Criterion, Need, mov
 from contact_curation.information.criteria.explanation import explanation
 from contact_curation.information.pool import Pool, pool_of
 from contact_curation.information.ranker import RankingConfig, criterion_named, criterion_names, rank, rank_particles
-from contact_curation.information.ranking import Selection, modular_selection
+from contact_curation.information.ranking import Ranking, Selection, greedy_selection, modular_selection
 from test.information.pools import toss, tosses
 
 POOL = tosses(40, 6, 4, seed=0)
@@ -102,6 +102,65 @@ def test_ones_own_criterion_is_known_by_its_name(shortest: Criterion) -> None:
     ranking = rank(POOL, RankingConfig("shortest", top=3))
     assert ranking.criterion == "shortest"
     assert ranking.ids == tuple(info.toss_id for info in sorted(POOL, key=lambda info: info.duration))
+
+
+DURATIONS = np.array([info.duration for info in POOL])
+ORDER = np.arange(40)
+
+
+def ranked_by(selection: Selection, monkeypatch: pytest.MonkeyPatch) -> Ranking:
+    """The ranking by a criterion of one's own that gives back this."""
+    monkeypatch.setitem(criterion._REGISTERED, "own", Criterion("own", "", "", lambda pools, config: selection))
+    return rank(POOL, RankingConfig("own", top=3))
+
+
+@pytest.mark.parametrize(
+    ("selection", "message"),
+    [
+        (modular_selection(DURATIONS[:5], 3), "scores by criterion own: found shape (5,), expected (40,), one for each toss"),
+        (Selection(ORDER, DURATIONS, DURATIONS[:7], 3), "gains by criterion own: found shape (7,), expected (40,)"),
+        (
+            modular_selection(np.where(ORDER == 4, np.nan, 1.0), 3),
+            "scores by criterion own of toss toss-0004: found nan, expected",
+        ),
+        (
+            modular_selection(np.where(ORDER == 4, np.inf, 1.0), 3),
+            "scores by criterion own of toss toss-0004: found inf, expected",
+        ),
+        (Selection(ORDER[:3], DURATIONS, DURATIONS, 3), "order by criterion own: found 3 places, 3 different, expected each"),
+        (Selection(ORDER - 1, DURATIONS, DURATIONS, 3), "order by criterion own: found 40 places, 40 different, expected each"),
+        (
+            Selection(ORDER // 2, DURATIONS, DURATIONS, 3),
+            "order by criterion own: found 40 places, 20 different, expected each",
+        ),
+        (Selection(ORDER, DURATIONS, DURATIONS, 4), "count by criterion own: found 4, expected 1 to 3 selected tosses"),
+        (Selection(ORDER, DURATIONS, DURATIONS, 0), "count by criterion own: found 0, expected 1 to 3 selected tosses"),
+    ],
+)
+def test_what_is_no_ranking_of_the_tosses_is_refused(
+    selection: Selection, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InvalidValueError) as refused:
+        ranked_by(selection, monkeypatch)
+    assert str(refused.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    "scores", [ORDER.astype(np.uint8), ORDER.astype(np.float32), ORDER.tolist()], ids=["uint8", "float32", "list"]
+)
+def test_scores_of_any_type_of_number_rank_alike(scores: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert ranked_by(modular_selection(scores, 3), monkeypatch).ids == tuple(reversed(pool_of(POOL).ids))
+
+
+def test_what_picks_added_is_not_rounded_where_all_others_add_whole_numbers() -> None:
+    assert greedy_selection(np.array([1]), np.array([0.5]), np.zeros(3), np.array([2, 0, 1])).gains.tolist() == [2.0, 0.5, 1.0]
+
+
+def test_a_criterion_cannot_change_what_diagnostics_are_computed_from() -> None:
+    pool = pool_of(POOL)
+    for shared in (pool.toss_scores, pool.fisher):
+        with pytest.raises(ValueError, match="read-only"):
+            shared -= 1.0
 
 
 def test_a_name_is_taken_once_or_replaced_on_purpose(shortest: Criterion) -> None:
