@@ -34,6 +34,11 @@ LARGEST_BITS = 14_000
 """Of a whole number in a YAML file: Python writes no longer one in decimal digits."""
 
 
+def as_word(path: object) -> str:
+    """A path as a word of a command line: one that begins with a dash would be taken for an option."""
+    return f"./{path}" if str(path).startswith("-") else str(path)
+
+
 def path_of(name: str, given: object, expected: str) -> Path:
     """The path that a user gives.
 

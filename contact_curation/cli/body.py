@@ -19,6 +19,7 @@ from contact_curation.contact.body_description import BodyDescription, checked
 from contact_curation.contact.body_writers import FORMATS
 from contact_curation.dashboard.figures.body import BodyPicture, save_body_figure
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import as_word
 from contact_curation.geometry.polytopes import corners_of
 from contact_curation.storage.body_file import body_paths, write_body
 from contact_curation.storage.parameters_file import is_checkpoint
@@ -147,4 +148,4 @@ def _output_lines(out: Path, drawn: bool, body: Body, left_out: Sequence[str]) -
     yield from (f"note: {line}" for line in left_out)
     yield f"object: {' '.join(str(path) for path in reversed(body_paths(out)))}"
     scale = [] if out.suffix == ".yaml" else ["--length-scale", repr(body.length_scale)]
-    yield f"next: {shlex.join(['contact-curation', 'body', str(out), *scale])}"
+    yield f"next: {shlex.join(['contact-curation', 'body', as_word(out), *scale])}"

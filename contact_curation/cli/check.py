@@ -53,7 +53,8 @@ def run(arguments: argparse.Namespace) -> int:
     config = ReadingConfig(chosen_body(arguments), inputs_of(stages_of(arguments, {})))
     paths = arguments.inputs
     with Progress("checking", "recordings", len(paths)) as progress:
-        found = diagnose(paths, config, words=reading_words(arguments), most_messages=arguments.most, advance=progress.advance)
+        words, given = reading_words(arguments), arguments.given
+        found = diagnose(paths, config, words=words, given=given, most_messages=arguments.most, advance=progress.advance)
     if arguments.json:
         print_json(found.document())
     else:

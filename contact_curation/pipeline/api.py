@@ -5,6 +5,7 @@ Defaults are those of the commands, too, but that `train` holds no tosses out un
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from enum import Enum
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
 from contact_curation.contact.models.torch_state import own_torch
 from contact_curation.errors import InvalidValueError, UnknownNameError
 from contact_curation.extras import says_what_to_install
-from contact_curation.files import path_of
+from contact_curation.files import as_word, path_of
 from contact_curation.information.network.config import CPU, Device, network_config_for
 from contact_curation.information.ranker import RankingConfig
 from contact_curation.information.scoring import ScoringConfig
@@ -45,6 +46,9 @@ if TYPE_CHECKING:  # torch takes over a second to import, which reading and rank
     from contact_curation.pipeline.learned_model import GivenModel, LearnedModel
 
 NO_BODY = f"no body given: assuming {ASSUMED}"
+
+BODY = "BODY"
+"""Stands in a command for a body that is in memory."""
 
 HELD_OUT = "held_out"
 """The parameter, for messages."""
@@ -128,7 +132,8 @@ def check(
     """
     paths = input_paths(inputs)
     with (progress or silent)("checking", "recordings", len(paths)) as bar:
-        found = diagnose(paths, _reading(body, config), most_messages=most_messages, advance=bar.advance)
+        reading, words = _reading(body, config), _options(body, config)
+        found = diagnose(paths, reading, words=words, most_messages=most_messages, advance=bar.advance)
     return found if body is not None else replace(found, warnings=(NO_BODY,))
 
 
@@ -443,6 +448,20 @@ def design(
 
 def _reading(body: GivenBody | None, config: InputsConfig | Mapping[str, object] | None) -> ReadingConfig:
     return ReadingConfig(CONTACTNETS_CUBE if body is None else body_of(body), inputs_config(config))
+
+
+def _options(body: GivenBody | None, config: InputsConfig | Mapping[str, object] | None) -> list[str]:
+    """The options by which a command is told the same."""
+    file = BODY if isinstance(body, Body) else as_word(body)
+    named = [] if body is None or body is CONTACTNETS_CUBE else ["--body", file]
+    settings = config.items() if isinstance(config, Mapping) else ()
+    return [*named, *(word for path, value in settings for word in ("--set", f"{path}={_written(value)}"))]
+
+
+def _written(value: object) -> str:
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ",".join(map(_written, value))
+    return str(value.value if isinstance(value, Enum) else value)
 
 
 def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:

@@ -48,6 +48,7 @@ def test_the_command_that_train_proposes_reads_the_recordings_as_it_did(cli: Cli
     options = [
         "--body",
         body,
+        "--center-of-mass=3.25e-05,-0.0,0.0",
         "--topic",
         "/tagslam/odom/body_cube",
         "--board-frame",

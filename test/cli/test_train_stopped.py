@@ -74,10 +74,11 @@ def test_a_training_that_is_stopped_goes_on_to_the_same_end(
     assert len([one for one in events(tmp_path / "whole.jsonl") if one["event"] == "selection"]) > 1
 
 
-def test_the_command_that_is_said_after_a_stop_goes_on(cli: Cli, folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("dashes", [[], ["--"]], ids=["plain", "inputs behind two dashes"])
+def test_the_command_that_is_said_after_a_stop_goes_on(cli: Cli, folder: Path, tmp_path: Path, dashes: list[str]) -> None:
     with pytest.MonkeyPatch.context() as monkeypatch:
         stopped_at(monkeypatch, 3, send(signal.SIGINT))
-        stopped = cli("train", folder, "--out", tmp_path / "a b.safetensors", *SHORT, "--overwrite")
+        stopped = cli("train", "--out", tmp_path / "a b.safetensors", *SHORT, "--overwrite", *dashes, folder)
     assert stopped.err_lines[-2].startswith("  contact-curation train ")
     again = cli(*shlex.split(stopped.err_lines[-2])[1:])
     assert again.status == 0

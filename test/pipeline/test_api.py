@@ -328,6 +328,16 @@ def test_models_of_files_are_scored_and_ranked_for(
         cc.load_model(tmp_path / "none.json")
 
 
+def test_the_command_that_check_proposes_has_the_body_and_the_settings(golden_bag: Path, tmp_path: Path) -> None:
+    (tmp_path / "own.yaml").write_text(json.dumps(CONTACTNETS_CUBE.to_mapping()))
+    settings = {"gates.depth": 0.0101, "rig.normal": [0.0, 0.0, 1.0]}
+    for given, word in ((str(tmp_path / "own.yaml"), tmp_path / "own.yaml"), (replace(CONTACTNETS_CUBE, mass=0.4), "BODY")):
+        found = cc.check(golden_bag, given, config=settings).next
+        words = f"--body {word} --set gates.depth=0.0101 --set rig.normal=0.0,0.0,1.0"
+        assert found == f"contact-curation rank {golden_bag} {words} --out ranked.csv"
+    assert "--body" not in cc.check(golden_bag, CONTACTNETS_CUBE).next
+
+
 @pytest.mark.slow
 def test_a_body_and_a_model_may_be_their_files(bench: Path, tosses: cc.Tosses, model: cc.LearnedModel) -> None:
     model.save("m.safetensors")

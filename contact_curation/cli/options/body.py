@@ -12,7 +12,6 @@ from contact_curation.cli.report import warn
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.body_description import BodyDescription, BodyOptions, read_description
 from contact_curation.errors import InvalidValueError
-from contact_curation.pipeline.reading import center_of_mass_option
 
 BODY_HELP = (
     "the object: a YAML file like contact_curation/config/cube.yaml, a URDF, an MJCF, or a mesh (STL, OBJ, PLY, OFF) "
@@ -63,7 +62,7 @@ def body_words(arguments: argparse.Namespace) -> list[str]:
     center = given.pop("center_of_mass")
     options = {f"--{name.replace('_', '-')}": str(value) for name, value in given.items() if value is not None}
     words = [word for option in options.items() for word in option]
-    return [*words, center_of_mass_option(center)] if center is not None else words
+    return [*words, f"--center-of-mass={','.join(map(repr, map(float, center)))}"] if center is not None else words
 
 
 def chosen_body(

@@ -59,12 +59,13 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
 
 
 class _Inputs(argparse.Action):
-    """Collects recordings; a pattern stands for all paths that match it."""
+    """Collects recordings; a pattern stands for all paths that match it. `given` is what was written, patterns included."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
         from contact_curation.pipeline.tosses import input_paths
 
         setattr(namespace, self.dest, list(input_paths(values)))
+        namespace.given = values
 
 
 def add_pose_options(parser: argparse.ArgumentParser) -> None:

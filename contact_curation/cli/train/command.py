@@ -27,7 +27,7 @@ from contact_curation.cli.progress import Progress
 from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.cli.stop_signals import StopSignals
 from contact_curation.errors import InvalidValueError, UnreadableInputError, why_unreadable
-from contact_curation.files import write_atomically
+from contact_curation.files import as_word, write_atomically
 from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
@@ -352,13 +352,13 @@ def _start_line(
 
 
 def _say_how_to_resume(arguments: argparse.Namespace, running: "TrainingRun") -> None:
-    words = [word for word in arguments.command if word not in ("--overwrite", "--resume")]
+    command, verb, *others = (word for word in arguments.command if word not in ("--overwrite", "--resume"))
     _say(f"stopped after {running.progress.gradient_steps} gradient steps; {arguments.out} holds them; to go on:")
-    _say(f"  {shlex.join([*words, '--resume'])}")
+    _say(f"  {shlex.join([command, verb, '--resume', *others])}")
 
 
 def _next_command(arguments: argparse.Namespace) -> str:
-    words = ["contact-curation", "evaluate", str(arguments.out), *map(str, arguments.inputs), *reading_words(arguments)]
+    words = ["contact-curation", "evaluate", *map(as_word, (arguments.out, *arguments.given)), *reading_words(arguments)]
     return shlex.join([*words, *(["--no-gate"] if arguments.no_gate else [])])
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from contact_curation.configs import whole_number
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import as_word
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
@@ -70,6 +71,7 @@ def diagnose(
     config: ReadingConfig,
     *,
     words: Sequence[str] = (),
+    given: Sequence[object] = (),
     most_messages: int = MOST_MESSAGES,
     advance: Advance = unheard,
 ) -> Diagnosis:
@@ -79,6 +81,7 @@ def diagnose(
         paths: at least one.
         config: how they are read, the gates included.
         words: options that were given, for the next command.
+        given: what was given for the paths, for the next command: perhaps patterns.
         most_messages: of their pose topics, in all; of each recording at least `FEWEST_MESSAGES`.
         advance: told of each recording that was read.
 
@@ -90,7 +93,7 @@ def diagnose(
     whole_number("most_messages", most_messages, 1)
     share = min(max(FEWEST_MESSAGES, most_messages // len(paths)), sys.maxsize)
     recordings = tuple(each(partial(_read, config, share), list(paths), 1, advance))
-    return concluded(Evidence(config, recordings), words)
+    return concluded(Evidence(config, recordings), words, given)
 
 
 def _read(config: ReadingConfig, most_messages: int, path: Path, advance: Advance) -> Recording:
@@ -99,8 +102,8 @@ def _read(config: ReadingConfig, most_messages: int, path: Path, advance: Advanc
     return found
 
 
-def concluded(evidence: Evidence, words: Sequence[str] = ()) -> Diagnosis:
-    """What the findings of some evidence come to."""
+def concluded(evidence: Evidence, words: Sequence[str] = (), given: Sequence[object] = ()) -> Diagnosis:
+    """What the findings of some evidence come to; `words` and `given` as of `diagnose`."""
     found = [one for find in FINDINGS if (one := find(evidence)) is not None]
     ordered = sorted(found, key=lambda one: -one.severity)  # stable: causes stand before what follows from them
     worst = ordered[0]
@@ -108,7 +111,7 @@ def concluded(evidence: Evidence, words: Sequence[str] = ()) -> Diagnosis:
     settings = _settings([worst] if worst.other_poses else ordered, evidence.config.inputs.rig)
     verdict = worst.line if worst.severity == Severity.FAULT else _sound(evidence, worst)
     reasons = tuple(one.line for one in ordered if one is not worst or ok)
-    paths = [one.path for one in evidence.recordings]
+    paths = given or [one.path for one in evidence.recordings]
     readable = any(not one.unreadable for one in evidence.recordings)
     command = _next(ordered, ok, paths, words, settings) if readable else ""
     return Diagnosis(_one_line(verdict), ok, tuple(map(_one_line, reasons)), settings, command)
@@ -128,13 +131,13 @@ def _settings(found: Sequence[Finding], current: RigCalibration) -> str:
     return " ".join(dict.fromkeys(part for part in said if part))
 
 
-def _next(found: Sequence[Finding], ok: bool, paths: Sequence[str], words: Sequence[str], settings: str) -> str:
+def _next(found: Sequence[Finding], ok: bool, paths: Sequence[object], words: Sequence[str], settings: str) -> str:
     """What to type: rank what is sound or can be mended, check again what has another remedy."""
     faults = [one for one in found if one.severity == Severity.FAULT]
     mended = bool(faults) and all((one.rig is not None or one.settings) and not one.other_poses for one in faults[:1])
     options = next((one.options for one in faults or found if one.options), ())
     verb = ["rank"] if ok or (mended and not options) else ["check"]
-    shown = paths if len(paths) <= MOST_SHOWN else ["INPUTS"]
+    shown = [as_word(path) for path in paths] if len(paths) <= MOST_SHOWN else ["INPUTS"]
     end = ["--out", "ranked.csv"] if verb == ["rank"] else []
     line = shlex.join([COMMAND, *verb, *shown, *words, *options])
     return " ".join(part for part in (line, settings, shlex.join(end)) if part)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -105,6 +106,18 @@ def test_the_next_command_names_all_inputs_or_none(tmp_path: Path) -> None:
         several = tuple(replace(one, path=f"{number}.mcap") for number in range(count))
         words = concluded(Evidence(config, several)).next.split()
         assert " ".join(words[2 : 2 + len(expected.split())]) == expected
+
+
+def test_the_next_command_reads_inputs_that_look_like_options_and_patterns_as_they_were_written(
+    cli: Cli, golden: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for number in range(9):
+        (tmp_path / f"-{number}.mcap").symlink_to(golden)
+    for inputs, shown in ((["-0.mcap", "./-1.mcap"], "./-0.mcap ./-1.mcap"), (["-*.mcap"], "'./-*.mcap'")):
+        found = cli("check", "--json", "--", *inputs).json["next"]
+        assert found == f"contact-curation rank {shown} --out ranked.csv"
+    assert "9 inputs" in cli(*shlex.split(found)[1:]).out
 
 
 def test_a_recording_that_is_no_bag_is_a_diagnosis_too(cli: Cli, golden: Path, tmp_path: Path) -> None:
