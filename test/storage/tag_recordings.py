@@ -19,12 +19,12 @@ for _definition in sorted(VENDORED.glob("*.msg")):
     STORE.register(get_types_from_msg(_definition.read_text(), f"apriltag_msgs/msg/{_definition.stem}"))
 
 
-def write_detections(path: Path, images: Sequence[TaggedImage], *, info_after: int = 0) -> Path:
+def write_detections(path: Path, images: Sequence[TaggedImage], *, info_after: int = 0, calibrated: bool = True) -> Path:
     """A bag with `/detections` and, after so many images, `/camera_info`."""
     with BagWriter(path, STORE) as bag:
         for place, image in enumerate(images):
             if place == info_after:
-                bag.write("/camera_info", _camera_info(image.stamp_ns), image.stamp_ns)
+                bag.write("/camera_info", _camera_info(image.stamp_ns, calibrated), image.stamp_ns)
             bag.write("/detections", _array(image), image.stamp_ns)
     return path
 
@@ -48,8 +48,9 @@ def _detection(one: DetectedTag) -> Any:
     )
 
 
-def _camera_info(stamp_ns: int) -> Any:
+def _camera_info(stamp_ns: int, calibrated: bool) -> Any:
     pinhole = CAMERA.pinhole
+    matrix = pinhole.matrix if calibrated else np.zeros((3, 3))
     region = STORE.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     return STORE.types[CAMERA_INFO](
         header=_header(stamp_ns),
@@ -57,9 +58,9 @@ def _camera_info(stamp_ns: int) -> Any:
         width=pinhole.width,
         distortion_model="plumb_bob",
         d=np.zeros(5),
-        k=pinhole.matrix.ravel(),
+        k=matrix.ravel(),
         r=np.eye(3).ravel(),
-        p=np.column_stack([pinhole.matrix, np.zeros(3)]).ravel(),
+        p=np.column_stack([matrix, np.zeros(3)]).ravel(),
         binning_x=0,
         binning_y=0,
         roi=region,

@@ -189,7 +189,8 @@ def _tag_fit(reader: BagReader, tosses: BagTosses, counted: Mapping[str, int], c
         return None
     images, camera = counted.get(source.body.name, 0), source.camera.name
     messages = islice(reader.messages([source.body.name, camera]), images + counted.get(camera, 0))
-    sample = tag_images(((one.topic == camera, one.message) for one in messages), max(images // IMAGES, 1))
+    told = ((one.topic == camera, one.message) for one in messages)
+    sample = tag_images(told, max(images // IMAGES, 1), any_frame=bool(poses.camera_info))
     return tag_fit(sample, detections.rig, poses.tags, rectified=poses.rectified)
 
 

@@ -56,7 +56,8 @@ class PoseTopicConfig:
         array_index: index of the body's pose in a PoseArray; -1: the only one.
         tag_map: YAML file with the tags of body and board, in our form or TagSLAM's; poses are then computed from
             AprilTagDetectionArray.
-        camera_info: topic of the camera that saw the tags; empty: the only one, or the one beside the detections.
+        camera_info: topic of the camera that saw the tags, whatever frame it has; empty: the only one, or the one beside the
+            detections, of the frame of these.
         rectified: whether tags were detected in rectified images, so that P of CameraInfo holds; otherwise K and D hold.
         tags: requirements on a pose that is computed from tags.
         largest_speed: largest speed between two poses from tags; a faster one is a tracking outlier [m/s].
@@ -100,7 +101,7 @@ class PoseTopicConfig:
         if not self.tag_map:
             return None
         rig = read_tag_rig(Path(self.tag_map), self.body_frame_of(body), self.board_frame)
-        return TagDetections(rig, self.tags, rectified=self.rectified)
+        return TagDetections(rig, self.tags, rectified=self.rectified, any_frame=bool(self.camera_info))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ An image without tags of the body gives a bad pose with the reason, and so a gap
 before the first CameraInfo wait for it, so that the order in which the two topics arrive makes no difference.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
 from typing import Any
@@ -18,7 +18,7 @@ from contact_curation.geometry.tags import FAMILY, TagMap
 from contact_curation.motion.pose_stream import BadPose, checked_pose
 from contact_curation.motion.tags.fit import TagImage
 from contact_curation.motion.tags.pose import DetectedTag, NoTagPose, TagPoseConfig, tag_pose
-from contact_curation.storage.inputs.pose_messages import Measured, stamp_ns_of
+from contact_curation.storage.inputs.pose_messages import Measured, frame_name, stamp_ns_of
 
 DETECTIONS = "apriltag_msgs/msg/AprilTagDetectionArray"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
@@ -34,26 +34,30 @@ MOST_WAITING = 4096
 
 
 class TagDetections:
-    """Reads the detections of one camera.
+    """Reads the detections of one topic.
 
     Args:
         rig: tags of the body and of the board.
         config: requirements on a pose.
         rectified: whether tags were detected in rectified images, so that P of CameraInfo holds; otherwise K and D hold.
+        any_frame: whether a CameraInfo of another frame than the detections' holds for them, too.
     """
 
-    def __init__(self, rig: TagRig, config: TagPoseConfig, *, rectified: bool) -> None:
+    def __init__(self, rig: TagRig, config: TagPoseConfig, *, rectified: bool, any_frame: bool = False) -> None:
         self.rig = rig
         self._config = config
         self._rectified = rectified
-        self._camera: Pinhole | None = None
+        self._any_frame = any_frame
+        self._cameras: dict[str, Pinhole] = {}
         self._waiting: list[Any] = []
 
     def calibrated(self, message: Any) -> tuple[Measured, ...]:
         """Takes a CameraInfo; returns the poses of images that waited for the first one."""
         frame = self.rig.body.frame
         try:
-            self._camera = pinhole_of(message, rectified=self._rectified)
+            if self._rectified and self.rig.board is None:
+                _check_first_of_pair(message)
+            self._cameras[_frame_of(message)] = pinhole_of(message, rectified=self._rectified)
         except InvalidValueError as error:
             return (BadPose(stamp_ns_of(message.header), frame, f"camera: {error}", "camera"),)
         waiting, self._waiting = self._waiting, []
@@ -61,17 +65,22 @@ class TagDetections:
 
     def detected(self, message: Any) -> tuple[Measured, ...]:
         """The poses in an AprilTagDetectionArray, the board's first; none before the first CameraInfo."""
-        if self._camera is not None:
-            return self._poses(message, self._camera)
+        if self._cameras:
+            return self._poses(message)
         if len(self._waiting) < MOST_WAITING:
             self._waiting.append(message)
             return ()
         why = f"camera: found no CameraInfo for {MOST_WAITING} images, expected one"
         return (BadPose(stamp_ns_of(message.header), self.rig.body.frame, why, "camera"),)
 
-    def _poses(self, message: Any, camera: Pinhole) -> tuple[Measured, ...]:
-        stamp_ns, parent = stamp_ns_of(message.header), str(message.header.frame_id).lstrip("/")
-        found = detected_tags(message)
+    def _poses(self, message: Any) -> tuple[Measured, ...]:
+        stamp_ns, parent, found = stamp_ns_of(message.header), _frame_of(message), detected_tags(message)
+        camera = of_frame(self._cameras, parent, any_frame=self._any_frame)
+        if camera is None:
+            there = ", ".join(f"'{name}'" for name in sorted(self._cameras)[:MOST_IDS])
+            wanted = f"'{parent}', as of the detections: name its topic (poses.camera_info) if it is of this camera"
+            why = f"camera: found CameraInfo of frame {there}, expected {wanted}"
+            return (BadPose(stamp_ns, self.rig.body.frame, why, "camera"),)
         maps = [self.rig.body] if self.rig.board is None else [self.rig.board, self.rig.body]
         poses = (self._pose(stamp_ns, parent, found, one, camera) for one in maps)
         return tuple(
@@ -111,6 +120,34 @@ def pinhole_of(message: Any, *, rectified: bool) -> Pinhole:
     return Pinhole(width, height, (fx / across, fy / down), ((cx - x) / across, (cy - y) / down), model, distortion)
 
 
+def of_frame[T](cameras: Mapping[str, T], frame: str, *, any_frame: bool) -> T | None:
+    """What belongs to the camera with this frame; None where CameraInfo is of other cameras.
+
+    Args:
+        cameras: by the frames of CameraInfo.
+        frame: of detections.
+        any_frame: whether the only camera holds for every frame, as it does where one of the frames is empty.
+    """
+    is_only = len(cameras) == 1 and (any_frame or not frame or "" in cameras)
+    return next(iter(cameras.values())) if is_only else cameras.get(frame)
+
+
+def _frame_of(message: Any) -> str:
+    return frame_name(str(message.header.frame_id))
+
+
+def _check_first_of_pair(message: Any) -> None:
+    """Refuses the second camera of a stereo pair: nobody says whether its frame is its own, or the first camera's as P has it.
+
+    Raises:
+        InvalidValueError: P has a baseline.
+    """
+    baseline = (float(message.p[3]), float(message.p[7]))
+    if any(baseline):
+        wanted = "0, 0, or tags of the board in the tag map: of the second camera of a stereo pair the frame is not certain"
+        raise InvalidValueError("Tx, Ty in P of CameraInfo", baseline, wanted)
+
+
 def _part_of_the_sensor(message: Any) -> tuple[int, int, int, int]:
     """The first column and row of the image, and how many columns and rows of the sensor are one of it."""
     return (
@@ -121,23 +158,31 @@ def _part_of_the_sensor(message: Any) -> tuple[int, int, int, int]:
     )
 
 
-def tag_images(messages: Iterable[tuple[bool, Any]], every: int) -> list[TagImage]:
-    """A sample of images: each `every`-th array of detections, with the camera that was last said, or else the first.
+def tag_images(messages: Iterable[tuple[bool, Any]], every: int, *, any_frame: bool) -> list[TagImage]:
+    """A sample of images: each `every`-th array of detections, with its camera as it was last said, or else first.
 
     Args:
         messages: in their order, each with whether it is a CameraInfo.
         every: 1 or more.
+        any_frame: as of `TagDetections`.
     """
-    infos: list[tuple[Pinhole | None, Pinhole | None]] = []
-    arrays: list[tuple[int, tuple[DetectedTag, ...]]] = []
+    infos: dict[str, list[tuple[Pinhole | None, Pinhole | None]]] = {}
+    arrays: list[tuple[str, int, tuple[DetectedTag, ...]]] = []
     count = 0
     for is_info, message in messages:
+        frame = _frame_of(message)
         if is_info:
-            infos.append((_pinhole_or_none(message, rectified=False), _pinhole_or_none(message, rectified=True)))
+            pair = _pinhole_or_none(message, rectified=False), _pinhole_or_none(message, rectified=True)
+            infos.setdefault(frame, []).append(pair)
         else:
-            arrays += [(len(infos), detected_tags(message))] if count % every == 0 else []
+            said = of_frame(infos, frame, any_frame=any_frame) or ()
+            arrays += [(frame, len(said), detected_tags(message))] if count % every == 0 else []
             count += 1
-    return [TagImage(tags, *infos[max(said - 1, 0)]) for said, tags in arrays] if infos else []
+    return [
+        TagImage(tags, *pairs[max(last - 1, 0)])
+        for frame, last, tags in arrays
+        if (pairs := of_frame(infos, frame, any_frame=any_frame))
+    ]
 
 
 def _pinhole_or_none(message: Any, *, rectified: bool) -> Pinhole | None:

@@ -91,3 +91,10 @@ def test_of_a_right_map_nothing_is_said(tmp_path: Path) -> None:
 def test_other_tags_in_the_image_are_listed(tmp_path: Path) -> None:
     found = checked(tmp_path, images_with(lambda one: one._replace(tag_id=one.tag_id + 200)))
     assert "in the image: 36h11 20" in found.verdict
+
+
+def test_why_no_image_has_a_camera_is_said_once(tmp_path: Path) -> None:
+    bag = write_detections(tmp_path / "tagged.mcap", tagged_tosses(1), calibrated=False)
+    (tmp_path / "map.yaml").write_text(tag_rig_yaml(RIG))
+    found = diagnose([bag], ReadingConfig(CONTACTNETS_CUBE, inputs_config({"poses.tag_map": str(tmp_path / "map.yaml")})))
+    assert ["is the camera calibrated?" in line for line in (found.verdict, *found.reasons)].count(True) == 1

@@ -1,5 +1,6 @@
 """Detections become poses of board and body; lost tags are gaps; CameraInfo may come late; topics are found."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -143,6 +144,41 @@ def test_a_calibrated_camera_without_a_projection_is_told_of_raw_images() -> Non
     message.k, message.p = CAMERA.pinhole.matrix.ravel(), np.zeros(12)
     with pytest.raises(InvalidValueError, match="`rectified` false, if tags were detected in raw ones"):
         pinhole_of(message, rectified=True)
+
+
+def test_each_frame_has_its_camera_and_detections_of_another_frame_have_none() -> None:
+    two, other = reader(), info_message(replace(CAMERA.pinhole, focal=(100.0, 100.0)))
+    other.header.frame_id = "/other"
+    assert two.calibrated(other) == ()
+    expected = reader().detected(array_message(1, scene(TRUE)))
+    assert two.detected(array_message(1, scene(TRUE))) == expected
+    assert two.detected(array_message(1, scene(TRUE), "other")) != expected
+    (bad,) = two.detected(array_message(1, scene(TRUE), "third"))
+    assert isinstance(bad, BadPose)
+    assert (bad.kind, bad.child) == ("camera", "body_cube")
+    assert "found CameraInfo of frame 'camera', 'other', expected 'third'" in bad.why
+
+
+@pytest.mark.parametrize("frames", [("", "camera"), ("camera", ""), ("named", "camera")])
+def test_the_only_camera_holds_where_a_frame_is_empty_or_its_topic_is_named(frames: tuple[str, str]) -> None:
+    config = replace(WITH_MAP, camera_info="/left/camera_info" if "named" in frames else "")
+    detections = config.detections("cube")
+    assert detections is not None
+    info, said = info_message(), frames[0]
+    info.header.frame_id = said
+    assert detections.calibrated(info) == ()
+    assert all(isinstance(one, FramePose) for one in detections.detected(array_message(1, scene(TRUE), frames[1])))
+
+
+def test_a_second_camera_of_a_stereo_pair_needs_the_board_in_its_images() -> None:
+    info, message = info_message(), array_message(1, scene(TRUE))
+    info.p[3] = -120.0
+    with_board, without = reader(ready=False), reader(ready=False, rig=TagRig(RIG.body))
+    assert with_board.calibrated(info) == ()
+    assert with_board.detected(message) == reader().detected(message)
+    (bad,) = without.calibrated(info)
+    assert isinstance(bad, BadPose)
+    assert "Tx, Ty in P of CameraInfo: found (-120.0, 0.0), expected 0, 0" in bad.why
 
 
 def test_with_a_tag_map_detections_and_their_camera_are_found_beside_poses() -> None:

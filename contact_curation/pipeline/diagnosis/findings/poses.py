@@ -46,7 +46,7 @@ def not_poses(evidence: Evidence) -> Finding | None:
     def line(one: Recording) -> str:
         nonlocal worst
         bad = {kind: count for kind, count in one.bad.items() if kind not in ("frame", "stamp", "clock")}
-        if not bad:
+        if not bad or not (one.poses or len(one.measured)):  # no measurement at all is another finding
             return ""
         most = max(bad, key=lambda kind: bad[kind])
         remedies.append(REMEDIES.get(most, ""))
