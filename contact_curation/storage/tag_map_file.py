@@ -13,19 +13,19 @@ of rows and columns; the names of fields are those of its documentation. A body'
 it. Tags without a pose, which TagSLAM estimates itself, are left out.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, near_name
 from contact_curation.files import read_yaml
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
 from contact_curation.geometry.quaternions import IDENTITY, Array
 from contact_curation.geometry.tag_rig import TagRig
-from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, in_our_axes
+from contact_curation.geometry.tags import FAMILY, Tag, TagAxes, TagMap, check_no_id_twice, in_our_axes
 
 LARGEST_FILE = 2**17
 """Largest accepted file [bytes]: parsing YAML takes about 20 microseconds per byte; a whole family of tags has about 60 kB."""
@@ -41,13 +41,19 @@ def read_tag_maps(path: Path) -> tuple[TagMap, ...]:
     """Reads the maps in a file, one for each frame with tags.
 
     Raises:
-        UnreadableInputError: the file does not exist, or is no tag map; the message says what is wrong.
+        UnreadableInputError: the file does not exist, or is no tag map, or has a frame or an id twice; the message says what is
+            wrong.
     """
     content = read_yaml(path, LARGEST_FILE, "a map of tags")
     if not isinstance(content, Mapping) or not {"frames", "bodies"} & set(content):
         raise UnreadableInputError(path, "found neither `frames` nor TagSLAM's `bodies`, expected a map of tags")
     try:
-        return tuple(_maps(content) if "frames" in content else _tagslam_maps(content))
+        maps = tuple(_maps(content) if "frames" in content else _tagslam_maps(content))
+        frames = sorted(one.frame for one in maps)
+        if len(set(frames)) < len(frames):
+            raise InvalidValueError("frames with tags", frames, "each once")
+        check_no_id_twice((tag for one in maps for tag in one.tags), " and ".join(frames))
+        return maps
     except ContactCurationError as error:
         raise UnreadableInputError(path, str(error)) from error
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
@@ -58,15 +64,12 @@ def read_tag_rig(path: Path, body_frame: str, board_frame: str) -> TagRig:
     """Reads the tags of a body and, if there are any, of the board.
 
     Raises:
-        UnreadableInputError: as in `read_tag_maps`, or the body has no tags, or an id occurs twice.
+        UnreadableInputError: as in `read_tag_maps`, or the body has no tags.
     """
     maps = {one.frame: one for one in read_tag_maps(path)}
     if body_frame not in maps:
         raise UnreadableInputError(path, f"found tags of {sorted(maps)}, expected some of {body_frame}")
-    try:
-        return TagRig(maps[body_frame], maps.get(board_frame))
-    except InvalidValueError as error:
-        raise UnreadableInputError(path, str(error)) from error
+    return TagRig(maps[body_frame], maps.get(board_frame))
 
 
 def tag_rig_yaml(rig: TagRig) -> str:
@@ -83,11 +86,19 @@ def _line(tag: Tag) -> str:
     return f"{{id: {tag.tag_id}, edge: {float(tag.edge)!r}, position: {position}, orientation_wxyz: {turn}}}"
 
 
+def _check_keys(entry: Mapping[str, Any], known: Sequence[str]) -> None:
+    """Refuses what would be ignored: a misspelled `axes` or `orientation_wxyz` would turn tags."""
+    other = next((key for key in entry if key not in known), None)
+    if other is not None:
+        raise InvalidValueError("a map of tags", repr(other), f"only {', '.join(known)}{near_name(str(other), known)}")
+
+
 def _listed(numbers: Array) -> str:
     return "[" + ", ".join(repr(float(number) + 0.0) for number in numbers) + "]"
 
 
 def _maps(content: Mapping[str, Any]) -> Iterator[TagMap]:
+    _check_keys(content, ("family", "axes", "frames"))
     if content.get("family", FAMILY) != FAMILY:
         raise InvalidValueError("family", content["family"], FAMILY)
     try:
@@ -99,6 +110,7 @@ def _maps(content: Mapping[str, Any]) -> Iterator[TagMap]:
 
 
 def _tag(entry: Mapping[str, Any], axes: TagAxes) -> Tag:
+    _check_keys(entry, ("id", "edge", "position", "orientation_wxyz"))
     position = np.array(entry["position"], dtype=float)
     pose = Pose(position, np.array(entry.get("orientation_wxyz", IDENTITY), dtype=float))
     return Tag(entry["id"], in_our_axes(pose, axes), float(entry["edge"]))

@@ -39,6 +39,8 @@ bodies:
   - rig: {is_static: false, type: simple}
 """
 
+SOME_TAG = "{id: 1, size: 0.1, pose: {position: {x: 0, y: 0, z: 0}, rotation: {x: 0, y: 0, z: 0}}}"
+
 
 def write(folder: Path, text: str) -> Path:
     path = folder / "tags.yaml"
@@ -109,6 +111,10 @@ def test_frames_that_look_into_the_tags_are_turned(tmp_path: Path) -> None:
         ("frames: {body_cube: [{id: 1, edge: 0.1, position: [0, 0]}]}", r"\(3,\)"),
         ("family: tag25h9\nframes: {}", "tag36h11"),
         ("axes: sideways\nframes: {}", "out or into"),
+        ("axis: into\nframes: {}", "found 'axis', expected only family, axes, frames; did you mean axes"),
+        ("frames: {body_cube: [{id: 1, edge: 0.1, position: [0, 0, 0], orientation: [0, 1, 0, 0]}]}", "found 'orientation'"),
+        ("bodies: [{cube: {tags: [TAG]}}, {cube: {tags: []}}, {cube: {tags: [TAG]}}]", "expected each once"),
+        ("bodies: [{cube: {tags: [TAG]}}, {wedge: {tags: [TAG]}}]", r"and body_wedge: found ids \[1\] more than once"),
         ("bodies: 4", "wrong form"),
         ("bodies: [{cube: {type: simple, tags: [{id: 1, size: 0.1, bits: 5, pose: {}}]}}]", "bits of a tag"),
         ("bodies: [{cube: {type: simple, tags: [{id: 1, pose: {position: {x: 0}}}]}}]", "wrong form"),
@@ -116,7 +122,7 @@ def test_frames_that_look_into_the_tags_are_turned(tmp_path: Path) -> None:
 )
 def test_what_is_no_map_is_one_line(tmp_path: Path, text: str, why: str) -> None:
     with pytest.raises(UnreadableInputError, match=why) as caught:
-        read_tag_maps(write(tmp_path, text))
+        read_tag_maps(write(tmp_path, text.replace("TAG", SOME_TAG)))
     assert "\n" not in str(caught.value)
     assert "tags.yaml" in str(caught.value)
 
