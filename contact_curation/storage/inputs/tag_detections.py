@@ -81,6 +81,8 @@ class TagDetections:
             wanted = f"'{parent}', as of the detections: name its topic (poses.camera_info) if it is of this camera"
             why = f"camera: found CameraInfo of frame {there}, expected {wanted}"
             return (BadPose(stamp_ns, self.rig.body.frame, why, "camera"),)
+        if why := _of_another_size(found, camera):
+            return (BadPose(stamp_ns, self.rig.body.frame, why, "camera"),)
         maps = [self.rig.body] if self.rig.board is None else [self.rig.board, self.rig.body]
         poses = (self._pose(stamp_ns, parent, found, one, camera) for one in maps)
         return tuple(
@@ -130,6 +132,19 @@ def of_frame[T](cameras: Mapping[str, T], frame: str, *, any_frame: bool) -> T |
     """
     is_only = len(cameras) == 1 and (any_frame or not frame or "" in cameras)
     return next(iter(cameras.values())) if is_only else cameras.get(frame)
+
+
+def _of_another_size(found: Sequence[DetectedTag], camera: Pinhole) -> str:
+    """Why the image is not that of the camera; empty where the middle of every tag is in it."""
+    size = camera.width, camera.height
+    for one in found:
+        if one.corners.shape != (4, 2) or not np.isfinite(one.corners).all():
+            continue
+        middle = one.corners.mean(axis=0)
+        if ((middle < 0.0) | (middle > size)).any():
+            where = f"tag {one.tag_id} at {middle[0]:.0f}, {middle[1]:.0f} px"
+            return f"camera: found {where}, expected it in {size[0]} x {size[1]} px of CameraInfo: is it that of the image?"
+    return ""
 
 
 def _frame_of(message: Any) -> str:

@@ -170,6 +170,15 @@ def test_the_only_camera_holds_where_a_frame_is_empty_or_its_topic_is_named(fram
     assert all(isinstance(one, FramePose) for one in detections.detected(array_message(1, scene(TRUE), frames[1])))
 
 
+def test_a_tag_beside_the_image_that_camera_info_is_of_is_a_wrong_camera() -> None:
+    half = reader(ready=False)
+    assert half.calibrated(info_message(replace(CAMERA.pinhole, width=640, height=480))) == ()
+    (bad,) = half.detected(array_message(1, scene(TRUE)))
+    assert isinstance(bad, BadPose)
+    assert bad.kind == "camera"
+    assert "in 640 x 480 px of CameraInfo: is it that of the image?" in bad.why
+
+
 def test_a_second_camera_of_a_stereo_pair_needs_the_board_in_its_images() -> None:
     info, message = info_message(), array_message(1, scene(TRUE))
     info.p[3] = -120.0
