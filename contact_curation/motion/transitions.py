@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.even_stamps import EVEN
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
 
@@ -23,7 +24,8 @@ class Transitions:
         toss_ids: K ids.
         before: (N, 13) states.
         after: (N, 13) states one frame later.
-        dt: (N,) times between them: frame periods, more of them where frames are missing [s].
+        dt: (N,) times between them [s]: frame periods, more of them where frames are missing; as stamped in a toss whose stamps
+            are uneven, since those that were wrong have been made even.
         starts: (K + 1,) toss k owns rows starts[k]:starts[k + 1].
     """
 
@@ -64,6 +66,12 @@ def periods_of(toss: Toss) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
 
 
+def _steps_of(toss: Toss) -> Array:
+    """(T - 1,) times between frames [s]."""
+    even, stamped = toss.frame_period * np.diff(periods_of(toss)), np.diff(toss.stamps_ns) / NANOSECONDS
+    return even if np.abs(stamped - even).max() <= EVEN / NANOSECONDS else stamped
+
+
 def by_differences(data: Transitions) -> Transitions:
     """The transitions with velocities that lead from pose to pose, p' = p + dt v'; the first of a toss is the second, again."""
     turns = quaternions.log(quaternions.multiply(quaternions.conjugate(data.before[:, 3:7]), data.after[:, 3:7]))
@@ -93,6 +101,6 @@ def transitions_of(tosses: Sequence[Toss], length_scale: float) -> Transitions:
         toss_ids=tuple(toss.toss_id for toss in tosses),
         before=np.concatenate([rows[:-1] for rows in states]),
         after=np.concatenate([rows[1:] for rows in states]),
-        dt=np.concatenate([toss.frame_period * np.diff(periods_of(toss)) for toss in tosses]),
+        dt=np.concatenate([_steps_of(toss) for toss in tosses]),
         starts=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
     )

@@ -9,6 +9,7 @@ import pytest
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.motion.toss import Toss
+from contact_curation.motion.toss_rules import usual_period
 from contact_curation.motion.transitions import by_differences, states_of, transitions_of
 from test.motion.streams import CUBE, HALF_WIDTH, stream
 from test.motion.test_segmenter import cut
@@ -59,3 +60,26 @@ def test_plain_velocities_lead_from_pose_to_pose_and_those_of_a_toss_are_its_own
 def test_no_tosses_are_no_transitions() -> None:
     with pytest.raises(InvalidValueError, match="tosses: found none"):
         transitions_of([], HALF_WIDTH)
+
+
+@pytest.mark.parametrize(
+    ("steps", "period"),
+    [
+        ([8, 8, 9], 25 / 3),
+        ([8.5, 8.5, 8], 25 / 3),
+        ([6, 8], 7),
+        ([*(5 * [11.5, 2]), 11.5], 79 / 41),
+        ([6.7, 6.8, 6.7, 6.7, 6.9], 6.7),
+        ([7, 7, 14, 7], 7),
+    ],
+)
+def test_the_frame_period_is_what_uneven_steps_come_to(steps: list[float], period: float) -> None:
+    assert usual_period(np.array(steps)) == pytest.approx(period, rel=0.01)
+
+
+@pytest.mark.parametrize(("wave", "uneven"), [(0.2, False), (0.5, True)])
+def test_steps_are_as_stamped_where_stamps_are_uneven(toss: Toss, wave: float, uneven: bool) -> None:
+    steps = np.full(toss.frames - 1, toss.frame_period) + 1e-3 * wave * (-1.0) ** np.arange(toss.frames - 1)
+    stamps = toss.stamps_ns[0] + np.concatenate([[0], np.rint(1e9 * np.cumsum(steps)).astype(np.int64)])
+    dt = transitions_of([replace(toss, stamps_ns=stamps)], HALF_WIDTH).dt
+    np.testing.assert_allclose(dt, steps if uneven else toss.frame_period, atol=2e-9)

@@ -6,7 +6,7 @@ closely. The acceleration with most windows near it is gravity in the unit and t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ IMPACT = 2.0
 
 ALLOWED = 5.0
 """Times the noise: a frame that is further from its flight's parabola belongs to it no more."""
+
+STAMPED = 0.8
+"""Uneven stamps are right if a parabola over them leaves less than this share of what one over even frames leaves."""
 
 BENT_TOWARDS = 2.0
 """Times `ALLOWED`: frames so far off may belong to a flight all the same, since its parabola bends towards them."""
@@ -280,15 +283,25 @@ def _throws(
         one = series[longest.series]
         span = _parabola(one, fits[longest.series], longest, noise)
         rest = _rest(one, fits[longest.series], group[-1].stop, end, shared, noise, turn_noises[longest.series])
-        acceleration = acceleration_of(one.positions[span.first : span.stop], one.period_of(span.first, span.stop))
+        acceleration = acceleration_of(one.positions[span.first : span.stop], one.times[span.first : span.stop])
         throws.append(Throw(tuple(group), rest, span, acceleration))
     return throws
 
 
-def acceleration_of(positions: Array, period: float) -> Array:
-    """(3,) of even positions (n, 3), by the parabola that fits them best."""
-    terms = np.linalg.lstsq(_powers(np.arange(len(positions))), positions, rcond=None)[0]
-    return np.asarray(terms[2] / period**2)
+def acceleration_of(positions: Array, times: Array) -> Array:
+    """(3,) of positions (n, 3) at times (n,) [s], by the parabola that fits them best.
+
+    Stamps may be off where the frames were even, or right where they were not: what fits far better says which.
+    """
+    period = float(times[-1] - times[0]) / (len(times) - 1)
+    even, stamped = (_fitted(positions, frames) for frames in (np.arange(len(times)), (times - times[0]) / period))
+    return np.asarray((stamped if stamped[1] < STAMPED * even[1] else even)[0] / period**2)
+
+
+def _fitted(positions: Array, frames: NDArray[Any]) -> tuple[Array, float]:
+    """The last terms (3,) of a parabola through positions at frames (n,), and the norm of what it leaves."""
+    terms = np.linalg.lstsq(_powers(frames), positions, rcond=None)[0]
+    return terms[2], float(np.linalg.norm(positions - _powers(frames) @ terms))
 
 
 def _parabola(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) -> Flight:
@@ -317,7 +330,7 @@ def _parabola(series: PoseSeries, fit: LocalFits, flight: Flight, noise: float) 
         start, stop = (start - 1, stop) if off[0] < off[1] else (start, stop + 1)
 
 
-def _powers(frames: NDArray[np.int64]) -> Array:
+def _powers(frames: NDArray[Any]) -> Array:
     """(n, 3) of 1, k, k^2 / 2."""
     return np.stack([np.ones(len(frames)), frames, 0.5 * frames**2], axis=1)
 

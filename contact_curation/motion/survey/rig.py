@@ -208,9 +208,7 @@ def _scale(survey: Survey, gravity: float, center: Array | None) -> Estimate:
         spans = [throw.span for throw in survey.throws]
         accelerations = np.array(
             [
-                acceleration_of(
-                    places[one.series][one.first : one.stop], survey.series[one.series].period_of(one.first, one.stop)
-                )
+                acceleration_of(places[one.series][one.first : one.stop], survey.series[one.series].times[one.first : one.stop])
                 for one in spans
             ]
         )

@@ -6,6 +6,7 @@ with wrong settings no pose fits, or the best one fits much worse than the right
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from math import inf
 
 import numpy as np
@@ -143,11 +144,12 @@ def _scales(
 ) -> Iterator[Explanation]:
     """Edges that are longer or shorter in one of the maps, or in all of them."""
     for scaled in dict.fromkeys([*((one,) for one in maps), tuple(maps)]):
-        others = [one for one in maps if one not in scaled]
+        others = [_misfits(images, one, config, rectified) for one in maps if one not in scaled]
 
-        def level(scale: float, scaled: Sequence[TagMap] = scaled, others: Sequence[TagMap] = others) -> float:
+        @cache
+        def level(scale: float, scaled: Sequence[TagMap] = scaled, others: Sequence[Array] = others) -> float:
             tags = [TagMap(one.frame, tuple(replace(tag, edge=tag.edge * scale) for tag in one.tags)) for one in scaled]
-            return _level([_misfits(images, one, config, rectified) for one in (*tags, *others)])
+            return _level([*(_misfits(images, one, config, rectified) for one in tags), *others])
 
         best, step = min(SCALES, key=level), STEP_OF_SCALES
         while step > FINEST_SCALE:

@@ -6,7 +6,7 @@ import pytest
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.survey.falls import Flight, Rest, Survey, Throw, survey
+from contact_curation.motion.survey.falls import Flight, Rest, Survey, Throw, acceleration_of, survey
 from contact_curation.motion.survey.rests import on_board
 from contact_curation.motion.survey.series import PoseSeries
 
@@ -91,3 +91,13 @@ def test_a_body_rests_that_is_seen_for_a_moment_before_a_gap() -> None:
     names = ("stamps_ns", "positions", "orientations_wxyz")
     throws = survey([PoseSeries(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))]).throws
     assert [throw.rest is None for throw in throws] == [False] * 12
+
+
+@pytest.mark.parametrize("shown", [[9, 8, 8], [6, 8], [8.5, 8.5, 8]], ids=str)
+@pytest.mark.parametrize("right", [True, False])
+def test_uneven_stamps_count_where_the_body_falls_by_them(shown: list[float], right: bool) -> None:
+    times = 1e-3 * np.cumsum(np.resize(shown, 16))
+    taken = times if right else np.linspace(times[0], times[-1], len(times))
+    noise = np.random.default_rng(0).normal(0.0, 2e-5, (len(times), 3))
+    positions = np.outer(taken, [0.8, -0.3, 0.5]) - np.outer(0.5 * 9.81 * taken**2, [0.0, 0.0, 1.0]) + noise
+    np.testing.assert_allclose(acceleration_of(positions, times), [0.0, 0.0, -9.81], atol=0.06)
