@@ -84,6 +84,7 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert "at rest" not in ranked.out
 
 
+@pytest.mark.slow
 def test_other_commands_say_that_a_model_learned_from_tosses_calibrated_otherwise(
     cli: Cli, golden: Path, tmp_path: Path
 ) -> None:

@@ -328,6 +328,7 @@ def test_models_of_files_are_scored_and_ranked_for(
         cc.load_model(tmp_path / "none.json")
 
 
+@pytest.mark.slow
 def test_the_command_that_check_proposes_has_the_body_and_the_settings(golden_bag: Path, tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(json.dumps(CONTACTNETS_CUBE.to_mapping()))
     settings = {"gates.depth": 0.0101, "rig.normal": [0.0, 0.0, 1.0]}

@@ -39,7 +39,7 @@ def test_contacts_are_firm_enough_for_the_gates_of_real_tosses() -> None:
     assert -0.0059 < deepest(CUBE, THROWS) < 0.0  # the deepest of the real tosses
 
 
-@pytest.mark.parametrize("half_width", [0.002, 0.006, 0.02, 0.2])
+@pytest.mark.parametrize("half_width", [pytest.param(0.002, marks=pytest.mark.slow), 0.006, 0.02, 0.2])
 def test_bodies_of_any_size_sink_less_than_the_gates_allow(half_width: float) -> None:
     body = replace(
         CUBE,

@@ -267,7 +267,7 @@ def test_an_exact_round_ends_at_once_and_neither_the_rounds_before_nor_a_kill_ch
     assert numbers_of(alone.model) == numbers_of(after.model) == numbers_of(killed.model)
 
 
-@pytest.mark.parametrize("judges", [0, 2])
+@pytest.mark.parametrize("judges", [pytest.param(0, marks=pytest.mark.slow), 2])
 def test_rounds_that_end_at_the_optimum_tell_how_far_more_throws_would_change_it(
     tmp_path: Path, store: TossStore, judges: int
 ) -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry.poses import Pose
@@ -57,12 +58,14 @@ def test_axes_of_the_other_convention_are_named(tmp_path: Path) -> None:
     assert found.verdict.endswith("change `axes` in the tag map")
 
 
+@pytest.mark.slow
 def test_edges_that_are_too_long_are_named_with_their_ratio(tmp_path: Path) -> None:
     found = checked(tmp_path, tagged_tosses(1), rig_with(lambda tag: replace(tag, edge=1.25 * tag.edge)))
     assert "with edges of body_cube times 0.8: correct `edge`" in found.verdict
     assert found.settings == ""
 
 
+@pytest.mark.slow
 def test_a_tag_that_is_elsewhere_is_named(tmp_path: Path) -> None:
     seen = [tag.tag_id for one in tagged_tosses(1) for tag in one.tags if tag.tag_id in RIG.body.ids]
     often = max(set(seen), key=seen.count)
@@ -75,6 +78,7 @@ def test_a_tag_that_is_elsewhere_is_named(tmp_path: Path) -> None:
     assert any(f"without tag {often} of body_cube: it is not where" in line for line in (found.verdict, *found.reasons))
 
 
+@pytest.mark.slow
 def test_corners_with_more_noise_than_expected_give_its_size(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     found = checked(tmp_path, images_with(lambda one: one._replace(corners=one.corners + 0.4 * rng.standard_normal((4, 2)))))

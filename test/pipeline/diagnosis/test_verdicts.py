@@ -108,6 +108,7 @@ def test_the_next_command_names_all_inputs_or_none(tmp_path: Path) -> None:
         assert " ".join(words[2 : 2 + len(expected.split())]) == expected
 
 
+@pytest.mark.slow
 def test_the_next_command_reads_inputs_that_look_like_options_and_patterns_as_they_were_written(
     cli: Cli, golden: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
