@@ -283,6 +283,12 @@ def test_the_tables_of_ways_to_throw_are_those_of_the_stored_rows() -> None:
         {name: cell if name in texts else float(cell) for name, cell in row.items() if cell} for row in rows("designed_throws")
     ]
     assert page_of_throws(stored).strip() in page
+    for body in ("brick", "wedge"):
+        stored = [
+            {name: cell if name in texts else float(cell) for name, cell in row.items() if cell}
+            for row in rows(f"thrown_bodies/{body}")
+        ]
+        assert page_of_throws(stored).split("\n", 2)[2].strip() in page, body
     blocks = 0
     for table in re.findall(r"^\| throws \| (?:median|designed).*?\n\n", section("Designed throws"), re.DOTALL | re.MULTILINE):
         for block in re.findall(r"^\| \d+ \|.*?(?=^\| \d+ \||\Z)", table.strip() + "\n", re.DOTALL | re.MULTILINE):
