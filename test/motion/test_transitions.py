@@ -71,6 +71,9 @@ def test_no_tosses_are_no_transitions() -> None:
         ([*(5 * [11.5, 2]), 11.5], 79 / 41),
         ([6.7, 6.8, 6.7, 6.7, 6.9], 6.7),
         ([7, 7, 14, 7], 7),
+        ([*(5 * [5, 8]), 5], 70 / 11),
+        ([*(5 * [8, 5]), 8], 73 / 11),
+        ([3, 13.7, 6.3, 10.3, 9.7, 7, 13, 3.7, 16.3, 0.4, 16.6, 3, 13.7], 9),
     ],
 )
 def test_the_frame_period_is_what_uneven_steps_come_to(steps: list[float], period: float) -> None:
