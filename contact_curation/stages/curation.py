@@ -107,6 +107,7 @@ class CurationStage:
         self._config = config
         self._informations = informations
         self._states = informations.states
+        self._body = body
         self.check(ranking)
         position = load_record(self._states.load, CuratorPosition) or CuratorPosition()
         self._newest, self._most, known = position.newest, position.most, position.versions
@@ -135,8 +136,9 @@ class CurationStage:
 
     @property
     def cursor(self) -> Cursor:
-        """Position after the last stored information."""
-        return (load_record(self._states.load, CuratorPosition) or CuratorPosition()).cursor
+        """Position after the last stored information; before the first where another body's was stored last."""
+        position = load_record(self._states.load, CuratorPosition) or CuratorPosition()
+        return position.cursor if position.body in ("", self._body) or not self._body else Cursor()
 
     def add(self, information: TossInformation, stamp_ns: int, frame_id: str) -> None:
         """Stores the information of a toss.
@@ -166,7 +168,7 @@ class CurationStage:
         needed = {self._ranked_version(), *self._order[-1:]}
         forgotten = [version for version in self._order if version not in needed]
         self._order = [version for version in self._order if version in needed]
-        self._states.save(stored_records(CuratorPosition(cursor, self._newest, tuple(self._order), self._most)))
+        self._states.save(stored_records(CuratorPosition(cursor, self._newest, tuple(self._order), self._most, self._body)))
         for version in forgotten:
             del self._selections[version]
             self._informations.drop_version(version)

@@ -131,6 +131,7 @@ class CuratorPosition:
         newest: header of the newest toss.
         versions: thetas that information is known at, the newest last; None before any was forgotten.
         most: most tosses that were known at one theta, which may be forgotten.
+        body: whose information was taken; empty where that is not known.
     """
 
     KEY: ClassVar = "cursor"
@@ -138,6 +139,7 @@ class CuratorPosition:
     newest: Stamped = UNSTAMPED
     versions: tuple[str, ...] | None = None
     most: int = 0
+    body: str = ""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ LOST = ThrowRecord(THROW, THROW, 200, 190, "no theta", rejected=("gap: found 3",
 RECORDS = [
     AnnouncedTosses(3, 1),
     IngestSnapshot("digest", 7, {"tracker": [1.5, None, {"a": "b"}]}),
-    CuratorPosition(Cursor(3, "toss-0"), Stamped(5, "board"), ("a", "b"), 7),
+    CuratorPosition(Cursor(3, "toss-0"), Stamped(5, "board"), ("a", "b"), 7, "cube"),
     CuratorPosition(),
     TossHeader(Stamped(5, "board")),
     BufferRecord(2, ("b", "a"), "theta", "trace", 9),

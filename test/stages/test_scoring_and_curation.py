@@ -338,6 +338,17 @@ def test_information_of_another_body_in_the_store_is_neither_ranked_nor_waited_f
     assert (buffer.seen, buffer.newest_stamp_ns) == (2, 1)
 
 
+def test_a_curator_that_was_started_with_another_body_by_mistake_is_told_everything_once_more(tmp_path: Path) -> None:
+    cursor = Cursor(len(TOSSES), TOSSES[-1].toss_id, "theta")
+    found = []
+    for body in ("cube", "brick", "cube", "cube"):
+        with store(tmp_path) as informations:
+            stage = CurationStage(RankingConfig(top=3), CurationConfig(), informations, body)
+            found.append(stage.cursor)
+            stage.advance(cursor)
+    assert found == [Cursor(), Cursor(), Cursor(), cursor]
+
+
 def test_another_body_on_the_same_store_is_scored_at_its_own_theta_and_not_at_what_was_learned(tmp_path: Path) -> None:
     with scoring(tmp_path) as scorer:
         first = scorer.version
