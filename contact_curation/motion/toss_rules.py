@@ -23,18 +23,13 @@ from contact_curation.motion.smoothing import (
     vertex_travels,
 )
 from contact_curation.motion.toss import NANOSECONDS, Toss, toss_identity
+from contact_curation.motion.transitions import usual_period
 
 MEMORY = 6
 """So many last frames give back the state of a `FallDetector`."""
 
 WIDEST_STRIDE = 7
 """Free fall is looked for in every so many frames at most: from 1050 Hz on noise hides it more and more."""
-
-SAME_PERIOD = 0.01
-"""Share by which two estimates of one frame period differ at most."""
-
-MULTIPLE = 0.15
-"""Frame periods by which steps, in their mean, differ at most from multiples of it."""
 
 NEARLY = 0.02
 """So much less than a whole stride will do, so that usual rates, like 300 Hz, are not on the border between two."""
@@ -181,22 +176,6 @@ def cut(run: Sequence[Frame], first: int, stop: int, body: str, source: str, con
         angular_velocities=rates.angular_velocities[kept],
     )
     return Motion(toss, rates.accelerations[kept])
-
-
-def usual_period(steps: Array) -> float:
-    """The frame period of steps (n,) between frames [s]: their median, or their mean for each frame where that is another.
-
-    A clock of milliseconds counts 120 frames a second in steps of 8, 8 and 9 ms, and two cameras take turns after 6 and 8 ms.
-    Longer steps are several frames only if all of them together are multiples of one period: of two cameras that take turns
-    after 5 and 8 ms, or at rates of their own, none is missing.
-    """
-    median, period = float(np.median(steps)), float(steps.mean())
-    for usual in (median, float(np.quantile(steps, 0.25))):
-        frames = np.maximum(np.rint(steps / usual), 1.0)
-        if np.abs(steps / usual - frames).mean() <= MULTIPLE:
-            period = float(steps.sum() / frames.sum())
-            break
-    return median if abs(period - median) <= SAME_PERIOD * median else period
 
 
 def _table(rows: Sequence[Sequence[float]], width: int) -> Array:

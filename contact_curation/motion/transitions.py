@@ -12,6 +12,12 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.even_stamps import EVEN
 from contact_curation.motion.toss import NANOSECONDS, Toss
 
+SAME_PERIOD = 0.01
+"""Share by which two estimates of one frame period differ at most."""
+
+MULTIPLE = 0.15
+"""Frame periods by which steps, in their mean, differ at most from multiples of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Transitions:
@@ -60,16 +66,51 @@ def states_of(toss: Toss, length_scale: float) -> Array:
     )
 
 
+def usual_period(steps: Array) -> float:
+    """The frame period of steps (n,) between frames [s]: their median, or their mean for each frame where that is another.
+
+    A clock of milliseconds counts 120 frames a second in steps of 8, 8 and 9 ms, and two cameras take turns after 6 and 8 ms.
+    Longer steps are several frames only if all of them together are multiples of one period: of two cameras that take turns
+    after 5 and 8 ms, or at rates of their own, none is missing.
+    """
+    median, period = float(np.median(steps)), float(steps.mean())
+    for usual in (median, float(np.quantile(steps, 0.25))):
+        frames = np.maximum(np.rint(steps / usual), 1.0)
+        if np.abs(steps / usual - frames).mean() <= MULTIPLE:
+            period = float(steps.sum() / frames.sum())
+            break
+    return median if abs(period - median) <= SAME_PERIOD * median else period
+
+
 def periods_of(toss: Toss) -> NDArray[np.int64]:
     """(T,) frame periods from the first frame of a toss to each; one more each time, but where frames are missing."""
-    steps = np.rint(np.diff(toss.stamps_ns) / (NANOSECONDS * toss.frame_period)).astype(np.int64)
-    return np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])
+    stamped, frames = _stamped(toss)
+    if _uneven(toss, stamped, frames):
+        return nearest_frames(stamped, toss.frame_period)
+    return np.concatenate([[0], np.cumsum(frames)])
+
+
+def nearest_frames(steps: Array, period: float) -> NDArray[np.int64]:
+    """(T,) frame periods to the end of each of T - 1 steps, from 0 on: the nearest whole numbers, each larger than the last."""
+    places = np.arange(len(steps) + 1)
+    frames = np.rint(np.concatenate([[0.0], np.cumsum(steps)]) / period).astype(np.int64)
+    return np.asarray(np.maximum.accumulate(frames - places) + places)
 
 
 def _steps_of(toss: Toss) -> Array:
     """(T - 1,) times between frames [s]."""
-    even, stamped = toss.frame_period * np.diff(periods_of(toss)), np.diff(toss.stamps_ns) / NANOSECONDS
-    return even if np.abs(stamped - even).max() <= EVEN / NANOSECONDS else stamped
+    stamped, frames = _stamped(toss)
+    return stamped if _uneven(toss, stamped, frames) else toss.frame_period * frames
+
+
+def _stamped(toss: Toss) -> tuple[Array, NDArray[np.int64]]:
+    """(T - 1,) steps between frames as stamped [s], and in whole frame periods."""
+    stamped = np.diff(toss.stamps_ns) / NANOSECONDS
+    return stamped, np.maximum(np.rint(stamped / toss.frame_period), 1.0).astype(np.int64)
+
+
+def _uneven(toss: Toss, stamped: Array, frames: NDArray[np.int64]) -> bool:
+    return bool(np.abs(stamped - toss.frame_period * frames).max(initial=0.0) > EVEN / NANOSECONDS)
 
 
 def by_differences(data: Transitions) -> Transitions:

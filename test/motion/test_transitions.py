@@ -9,8 +9,7 @@ import pytest
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.toss_rules import usual_period
-from contact_curation.motion.transitions import by_differences, states_of, transitions_of
+from contact_curation.motion.transitions import by_differences, periods_of, states_of, transitions_of, usual_period
 from test.motion.streams import CUBE, HALF_WIDTH, stream
 from test.motion.test_segmenter import cut
 
@@ -84,5 +83,15 @@ def test_the_frame_period_is_what_uneven_steps_come_to(steps: list[float], perio
 def test_steps_are_as_stamped_where_stamps_are_uneven(toss: Toss, wave: float, uneven: bool) -> None:
     steps = np.full(toss.frames - 1, toss.frame_period) + 1e-3 * wave * (-1.0) ** np.arange(toss.frames - 1)
     stamps = toss.stamps_ns[0] + np.concatenate([[0], np.rint(1e9 * np.cumsum(steps)).astype(np.int64)])
-    dt = transitions_of([replace(toss, stamps_ns=stamps)], HALF_WIDTH).dt
+    stamped = replace(toss, stamps_ns=stamps)
+    dt = transitions_of([stamped], HALF_WIDTH).dt
     np.testing.assert_allclose(dt, steps if uneven else toss.frame_period, atol=2e-9)
+    np.testing.assert_array_equal(periods_of(stamped), np.arange(toss.frames))
+
+
+def test_predictions_are_compared_at_the_nearest_frame_periods(toss: Toss) -> None:
+    steps = np.resize([0.0115, 0.002], toss.frames - 1)
+    stamps = toss.stamps_ns[0] + np.concatenate([[0], np.rint(1e9 * np.cumsum(steps)).astype(np.int64)])
+    uneven = replace(toss, stamps_ns=stamps, frame_period=usual_period(steps))
+    times = (stamps - stamps[0]) / 1e9
+    np.testing.assert_allclose(uneven.frame_period * periods_of(uneven), times, atol=0.6 * uneven.frame_period)

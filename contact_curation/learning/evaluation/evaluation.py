@@ -25,12 +25,22 @@ from contact_curation.learning.evaluation.motion_errors import MotionErrors, mot
 from contact_curation.learning.evaluation.shape_errors import ShapeErrors
 from contact_curation.learning.evaluation.shape_errors import shape_errors as shape_errors
 from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import Transitions, periods_of, states_of, transitions_of
+from contact_curation.motion.transitions import (
+    Transitions,
+    nearest_frames,
+    periods_of,
+    states_of,
+    transitions_of,
+    usual_period,
+)
 
 PIECE = 1024
 """Transitions whose loss is taken at a time, so that networks need little memory."""
 
 MEASURES = ("position", "rotation", "penetration")
+
+ROUNDING = 1e-6
+"""Frame periods by which even steps may differ from whole ones."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +130,16 @@ def motions_of(model: Model, data: Transitions, config: EvaluationConfig) -> Pre
     """Rolls a model out along every toss of transitions between successive frames."""
     spans = [slice(*each) for each in pairwise(data.starts.tolist())]
     states = [np.concatenate([data.before[span], data.after[span][-1:]]) for span in spans]
-    periods = [float(data.dt[span].min()) for span in spans]
-    steps = [np.rint(data.dt[span] / period).astype(np.int64) for span, period in zip(spans, periods, strict=True)]
-    return _predicted(model, states, [np.concatenate([[0], np.cumsum(each)]) for each in steps], periods, config)
+    periods = [_period_of(data.dt[span]) for span in spans]
+    frames = [nearest_frames(data.dt[span], period) for span, period in zip(spans, periods, strict=True)]
+    return _predicted(model, states, frames, periods, config)
+
+
+def _period_of(steps: Array) -> float:
+    """The shortest of steps between frames if all are multiples of it, as even ones are; else what uneven ones come to [s]."""
+    shortest = float(steps.min())
+    multiples = steps / shortest
+    return shortest if np.abs(multiples - np.rint(multiples)).max() < ROUNDING else usual_period(steps)
 
 
 def _predicted(
