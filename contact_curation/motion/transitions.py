@@ -100,7 +100,7 @@ def nearest_frames(steps: Array, period: float) -> NDArray[np.int64]:
 def _steps_of(toss: Toss) -> Array:
     """(T - 1,) times between frames [s]."""
     stamped, frames = _stamped(toss)
-    return stamped if _uneven(toss, stamped, frames) else toss.frame_period * frames
+    return stamped if _uneven(toss, stamped, frames) else np.asarray(toss.frame_period * frames)
 
 
 def _stamped(toss: Toss) -> tuple[Array, NDArray[np.int64]]:
