@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contact_curation.configs import whole_number
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.numbers import numbers
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.pool import Indices
 from contact_curation.information.ties import descending
@@ -150,27 +152,25 @@ def ranking_of(criterion: str, ids: Sequence[str], selection: Selection, top: in
     """
     scores = _one_for_each_toss(selection.scores, f"scores by criterion {criterion}", ids)
     gains = _one_for_each_toss(selection.gains, f"gains by criterion {criterion}", ids)
-    order = np.asarray(selection.order).tolist()
+    order = numbers(f"order by criterion {criterion}", selection.order).ravel().tolist()
     if sorted(order) != list(range(len(ids))):
         found = f"{len(order)} places, {len(set(order))} different"
         raise InvalidValueError(f"order by criterion {criterion}", found, f"each place from 0 to {len(ids) - 1} once")
-    most = min(top, len(ids))
-    if not 1 <= selection.count <= most:
-        raise InvalidValueError(f"count by criterion {criterion}", selection.count, f"1 to {most} selected tosses")
-    places = enumerate(order, start=1)
-    entries = tuple(RankedToss(ids[i], rank, scores[i], gains[i], rank <= selection.count) for rank, i in places)
+    count = whole_number(f"count by criterion {criterion}", selection.count, 1, min(top, len(ids)))
+    places = enumerate(map(int, order), start=1)
+    entries = tuple(RankedToss(ids[i], rank, scores[i], gains[i], rank <= count) for rank, i in places)
     return Ranking(criterion, entries, selection.certificate, selection.diagnostics)
 
 
 def _one_for_each_toss(values: Array, name: str, ids: Sequence[str]) -> list[float]:
-    values = np.asarray(values, dtype=np.float64)
+    values = numbers(name, values)
     if values.shape != (len(ids),):
         raise InvalidValueError(name, f"shape {values.shape}", f"({len(ids)},), one for each toss")
-    numbers: list[float] = values.tolist()
-    for toss_id, number in zip(ids, numbers, strict=True):
-        if not math.isfinite(number):
-            raise InvalidValueError(f"{name} of toss {toss_id}", number, "a finite number")
-    return numbers
+    listed: list[float] = values.tolist()
+    for toss_id, value in zip(ids, listed, strict=True):
+        if not math.isfinite(value):
+            raise InvalidValueError(f"{name} of toss {toss_id}", value, "a finite number")
+    return listed
 
 
 def spearman(one: Ranking, other: Ranking) -> float:

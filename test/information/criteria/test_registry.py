@@ -1,5 +1,6 @@
 """Every criterion keeps to what it says of itself, and one's own is known as soon as it is registered."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -127,14 +128,15 @@ def ranked_by(selection: Selection, monkeypatch: pytest.MonkeyPatch) -> Ranking:
             modular_selection(np.where(ORDER == 4, np.inf, 1.0), 3),
             "scores by criterion own of toss toss-0004: found inf, expected",
         ),
+        (Selection(ORDER, np.array(["best"] * 40), DURATIONS, 3), "scores by criterion own: found "),
         (Selection(ORDER[:3], DURATIONS, DURATIONS, 3), "order by criterion own: found 3 places, 3 different, expected each"),
         (Selection(ORDER - 1, DURATIONS, DURATIONS, 3), "order by criterion own: found 40 places, 40 different, expected each"),
         (
             Selection(ORDER // 2, DURATIONS, DURATIONS, 3),
             "order by criterion own: found 40 places, 20 different, expected each",
         ),
-        (Selection(ORDER, DURATIONS, DURATIONS, 4), "count by criterion own: found 4, expected 1 to 3 selected tosses"),
-        (Selection(ORDER, DURATIONS, DURATIONS, 0), "count by criterion own: found 0, expected 1 to 3 selected tosses"),
+        (Selection(ORDER, DURATIONS, DURATIONS, 4), "count by criterion own: found 4, expected a whole number from 1 to 3"),
+        (Selection(ORDER, DURATIONS, DURATIONS, 0), "count by criterion own: found 0, expected a whole number from 1 to 3"),
     ],
 )
 def test_what_is_no_ranking_of_the_tosses_is_refused(
@@ -150,6 +152,11 @@ def test_what_is_no_ranking_of_the_tosses_is_refused(
 )
 def test_scores_of_any_type_of_number_rank_alike(scores: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ranked_by(modular_selection(scores, 3), monkeypatch).ids == tuple(reversed(pool_of(POOL).ids))
+
+
+def test_a_count_that_numpy_gives_selects_by_truth_values_that_json_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    ranking = ranked_by(Selection(ORDER, DURATIONS, DURATIONS, np.minimum(3, 40)), monkeypatch)
+    assert json.dumps([entry.selected for entry in ranking.entries[:4]]) == "[true, true, true, false]"
 
 
 def test_what_picks_added_is_not_rounded_where_all_others_add_whole_numbers() -> None:
