@@ -18,6 +18,8 @@ import numpy as np
 from contact_curation.configs import check_positive
 from contact_curation.contact.body_values import (
     GEOMETRIES,
+    OPTIONAL,
+    REQUIRED,
     SHAPES,
     STANDARD_GRAVITY,
     body_of_mapping,
@@ -276,17 +278,19 @@ def plain_name(text: str) -> str:
 
 
 def _millimetres(place: Array) -> str:
-    return "(" + ", ".join(f"{1e3 * value + 0.0:.4g}" for value in place) + ")"
+    return "(" + ", ".join(f"{round(1e3 * float(value), 6) + 0.0:.4g}" for value in place) + ")"
 
 
 def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> BodyDescription:
     """Of a YAML file with vertices or half extents."""
+    check_keys(content, (*REQUIRED, *SHAPES, *OPTIONAL, *GEOMETRIES, "density"))
     for name in ("scale", "link"):
         if getattr(options, name) is not None:
             raise InvalidValueError(name, getattr(options, name), f"none for a body whose {' or '.join(SHAPES)} are listed")
     given = {name: value for name, value in vars(options).items() if value is not None and name != "center_of_mass"}
     weight = {"mass", "density"} if given.keys() & {"mass", "density"} else set[str]()  # an option takes a key's place
-    stated, notes = _filled({**{key: value for key, value in content.items() if key not in weight}, **given})
+    stated = {**{key: value for key, value in content.items() if key not in weight}, **given}
+    stated, notes = _filled(stated, options.center_of_mass)
     told = body_of_mapping({"friction": ASSUMED_FRICTION, "length_scale": 1.0, **stated})
     if "length_scale" not in stated:
         told["length_scale"] = derived_scale(of_hull(told["vertices"]).mass)
@@ -310,10 +314,15 @@ def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> Bod
     )
 
 
-def _filled(stated: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
-    """The values of a listed shape, with mass and inertia of an even filling where they state no inertia, and a note of it."""
+def _filled(stated: Mapping[str, Any], center: Array | None) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The values of a listed shape, with mass and inertia of an even filling where they state no inertia, and a note of it.
+
+    Its middle is at the origin, unless the centre of mass is given as an option.
+    """
     rest = {key: value for key, value in stated.items() if key != "density"}
     density = number("density", stated["density"]) if "density" in stated else None
+    if density is not None and not is_measurable(density):
+        raise InvalidValueError("density", density, "a positive number")
     if density is not None and "mass" in stated:
         raise InvalidValueError("density", f"{density:g} beside a mass", "one of both")
     if density is not None and "inertia" in stated:
@@ -324,9 +333,10 @@ def _filled(stated: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]
         return {**rest, "inertia": np.eye(3).tolist()}, ()  # the mass alone is missing
     hull = of_hull(vertices_of_mapping(rest))
     mass = density * hull.mass if density is not None else number("mass", stated["mass"])
-    if float(np.linalg.norm(hull.center)) > OFF_CENTRE * derived_scale(hull.mass):
+    if center is None and float(np.linalg.norm(hull.center)) > OFF_CENTRE * derived_scale(hull.mass):
         found = f"a shape whose middle is at {_millimetres(hull.center)} mm"
-        raise InvalidValueError("vertices", found, "the centre of mass at the origin, as of an even filling; or give inertia")
+        expected = "the centre of mass at the origin, as of an even filling, or --center-of-mass, or inertia"
+        raise InvalidValueError("vertices", found, expected)
     if not is_measurable(mass):
         raise InvalidValueError("mass", mass, "a positive number")
     by = f"{mass:g} kg" if density is None else f"{density:g} kg/m^3"

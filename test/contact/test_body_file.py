@@ -68,6 +68,8 @@ def test_a_vertex_that_is_no_corner_is_refused(tmp_path: Path, more: str) -> Non
         (("mass: 0.37", ""), r"missing key: mass \(e.g. 0.46\)"),
         (("mass: 0.37", "density: 900"), "density: found 900 beside an inertia, expected a mass, or no inertia"),
         (("mass: 0.37", "mass: 0.37\ndensity: 900"), "density: found 900 beside a mass, expected one of both"),
+        (("mass:", "densitiy:"), r"unknown key 'densitiy': did you mean 'density'\?"),
+        (("mass: 0.37", "density: -900"), "density: found -900.0, expected a positive number"),
         (("mass: 0.37", "mass: heavy"), "mass: found heavy, expected numbers"),
         (("mass: 0.37", "mass: true"), "mass: found True, expected numbers"),
         (("mass: 0.37", "mass: 1" + 399 * "0"), "mass: found an integer of over 300 digits"),

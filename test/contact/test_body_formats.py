@@ -168,6 +168,9 @@ def test_a_listed_shape_without_an_inertia_is_filled_evenly(tmp_path: Path) -> N
     file.write_text(f"name: brick\nvertices: {(corners_mm() / 1e3).tolist()}\nmass: {MASS}\n")
     with pytest.raises(UnreadableInputError, match=r"vertices: found a shape whose middle is at \(10, -20, 50\) mm, expected"):
         Body.from_file(file)
+    body = Body.described(read_description(file, BodyOptions(center_of_mass=np.array([0.01, -0.02, 0.05]))))
+    np.testing.assert_allclose(body.vertices.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(body.inertia, np.diag(expected), atol=1e-12)
 
 
 EVENLY = "inertia: of the geometry filled evenly with 0.3 kg"
