@@ -60,7 +60,7 @@ class SegmenterConfig:
             from [m]; by default 0.191 size [0.010].
         airborne_acceleration: largest difference of the acceleration in the air from gravity [m/s^2]; by default 0.5 g, or
             what the tracker's noise can make at its rate, if that is more [4.905; 8.5 at 148 frames a second].
-        frame_period: nominal time between frames [s]; by default the median of the stamp differences.
+        frame_period: nominal time between frames [s]; by default as the stamp differences say, missing frames aside.
         largest_gap: longest time between frames, in frame periods; one transition spans a gap.
         most_frames: a motion with more frames than this is dropped.
         tracker_noise: noise of the poses between frames as a multiple of that of ContactNets' rig, 0.022 mm and 0.024 degrees
