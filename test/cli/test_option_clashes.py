@@ -94,6 +94,7 @@ def test_an_option_that_would_change_nothing_is_refused(
     assert not {one.suffix for one in tmp_path.iterdir()} & {".safetensors", ".npz"}
 
 
+@pytest.mark.slow
 def test_tosses_that_are_read_otherwise_than_they_were_ranked_are_said(cli: Cli, golden: Path, tmp_path: Path) -> None:
     corrected, manifest, model = ["--set", "rig.scale=1.017"], tmp_path / "manifest.json", tmp_path / "model.safetensors"
     assert cli("rank", golden, *corrected, "--top", 4, "--out", manifest, "--no-figure").status == 0

@@ -536,6 +536,7 @@ def worth_over_seeds(name: str) -> dict[int, tuple[float, float]]:
     return {size: (float(low), float(high)) for size, (low, high) in ends.items()}
 
 
+@pytest.mark.slow
 def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> None:
     worth = worth_of("criteria_at_fit")
     assert np.median(worth[4]) == pytest.approx(15.0, abs=0.5)
@@ -551,6 +552,7 @@ def test_selected_tosses_are_worth_as_many_random_ones_as_the_pages_say() -> Non
     }
 
 
+@pytest.mark.slow
 def test_from_theta_0_too() -> None:
     worth = worth_of(FROM_THETA_0[0])
     assert np.median(worth[4]) == pytest.approx(13.0, abs=0.5)

@@ -147,6 +147,7 @@ def test_what_no_throws_are_designed_for_is_one_line(
     assert len(done.err_lines) == 1
 
 
+@pytest.mark.slow
 def test_other_protocols_learn_along_gradient_steps(cli: Cli, folder: Path, tmp_path: Path) -> None:
     words = ("--rules", "longest", "trace", "--protocol", "budgeted", "--steps", 3)
     done = cli("reproduce", "functionals", folder, "--out", tmp_path, *SMALL, *words)

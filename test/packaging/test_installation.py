@@ -43,6 +43,7 @@ def run(project: Path, *arguments: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_pips_wheel_holds_commands_kernel_and_ros_files(project: Path, tmp_path: Path) -> None:
     run(project, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(tmp_path), ".")
     (built,) = tmp_path.glob("*.whl")
@@ -57,6 +58,7 @@ def test_pips_wheel_holds_commands_kernel_and_ros_files(project: Path, tmp_path:
     assert commands == EXECUTABLES | {"contact-curation"}
 
 
+@pytest.mark.slow
 def test_colcons_install_puts_each_node_where_ros2_run_looks(project: Path, tmp_path: Path) -> None:
     record = ["--single-version-externally-managed", "--record", str(tmp_path / "record")]
     run(project, "setup.py", "-q", "build", "--build-base", str(tmp_path / "b"), "install", "--prefix", str(tmp_path), *record)

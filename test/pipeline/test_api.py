@@ -585,6 +585,7 @@ def test_what_is_not_accepted_is_an_error_of_ours(tosses: cc.Tosses, call: Any) 
         call(tosses)
 
 
+@pytest.mark.slow
 def test_what_is_meant_is_accepted(golden_bag: Path, tosses: cc.Tosses, tmp_path: Path) -> None:
     assert ANY.score(tosses, device=torch.device("cpu")).version == cc.score(tosses).version
     assert ANY.read(golden_bag, progress=None).ids == tosses.ids
@@ -594,6 +595,7 @@ def test_what_is_meant_is_accepted(golden_bag: Path, tosses: cc.Tosses, tmp_path
     assert cc.Tosses.of(tosses, tmp_path / "cube.yaml").ids == tosses.ids
 
 
+@pytest.mark.slow
 def test_each_toss_counts_once(tosses: cc.Tosses) -> None:
     first, second = tosses.ids[:2]
     assert tosses.only(toss_id for toss_id in (second, first, second)).ids == (second, first)

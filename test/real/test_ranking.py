@@ -153,6 +153,7 @@ def test_most_of_the_tosses_are_needed_to_stand_for_all(
     np.testing.assert_allclose(found, method, rtol=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("criterion", "kept", "method"),
     [

@@ -40,6 +40,7 @@ def test_every_transition_is_solved(real_transitions: Transitions, name: str, co
     assert np.isfinite(found.scores).all()
 
 
+@pytest.mark.slow
 @CONES
 def test_transitions_that_no_body_could_make_are_solved_too(
     real_transitions: Transitions, fitted: ContactGeometry, cone: Cone

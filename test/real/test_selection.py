@@ -124,6 +124,7 @@ def duplicates_of(pool: Pool) -> list[tuple[str, str]]:
     return [(one, other) for one, other in pairwise(order) if np.allclose(of_cube[one], of_cube[other], rtol=1e-9, atol=0.0)]
 
 
+@pytest.mark.slow
 @ESTIMATORS
 def test_criteria_that_look_at_single_tosses_keep_recordings_twice(real_tosses: Tosses, estimator: Estimator) -> None:
     """33 real recordings are in the data under two headings, so a new heading of the board is all that the second one adds."""

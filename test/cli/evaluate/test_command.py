@@ -221,6 +221,7 @@ def test_a_theta_with_a_scale_of_its_own_is_judged_and_what_is_known_of_it_is_sa
     assert "what is known is told of the physical form" in done.out
 
 
+@pytest.mark.slow
 def test_the_figure_is_drawn_for_one_and_two_models(cli: Cli, folder: Path, checkpoint: Path, tmp_path: Path) -> None:
     figure, true = tmp_path / "motion.png", write_parameters(tmp_path / "true.json")
     done = cli("evaluate", checkpoint, folder, "--against", true, "--held-out", "1-6", *QUICK, "--figure", figure)

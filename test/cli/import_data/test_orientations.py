@@ -203,6 +203,7 @@ def test_numbered_entries_are_taken_row_by_row_and_that_is_said(cli: Cli, tmp_pa
     assert done.err == f"contact-curation: warning: {source}: rot_0 to rot_8 are taken as a rotation matrix row by row\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["matrix", "angles"])
 def test_a_recording_gives_the_tosses_of_its_bag(cli: Cli, golden_bag: Path, form: str, tmp_path: Path) -> None:
     poses = board_poses(golden_bag)

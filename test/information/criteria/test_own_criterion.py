@@ -51,6 +51,7 @@ def test_the_example_is_a_new_file_a_line_and_a_test() -> None:
     assert len(text.splitlines()) < 25
 
 
+@pytest.mark.slow
 def test_rank_knows_it_and_the_manifest_names_it(scratch: Path, golden: Path, tmp_path: Path) -> None:
     out = tmp_path / "manifest.json"
     assert "smallest-loss" in run(scratch, "-m", "contact_curation.cli.main", "rank", "--help")

@@ -89,6 +89,7 @@ def test_models_without_a_learned_noise_are_refused(form: Form, renewals: int) -
         RefitPool.of(theta_0(form), data, RefitConfig(HeldFitConfig(renewals=renewals)))
 
 
+@pytest.mark.slow
 def test_refits_learn_a_restitution_with_equal_variances_as_the_fit_to_the_pool_does() -> None:
     """And one at its bound ends no refit: tosses that do not bounce may pull it below 0."""
     geometry = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3)

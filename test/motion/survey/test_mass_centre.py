@@ -46,6 +46,7 @@ def test_it_is_found_and_its_interval_holds_it(off: tuple[float, float, float]) 
     assert np.mean(held) > 0.8
 
 
+@pytest.mark.slow
 def test_few_flights_of_a_body_as_described_do_not_place_it_elsewhere() -> None:
     found = [found_of(Rig(noise=1e-4), Throws(count=9), seed) for seed in range(60)]
     assert sum(one.is_elsewhere for one in found) <= 1

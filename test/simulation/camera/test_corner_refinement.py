@@ -36,6 +36,7 @@ def test_shaken_corners_come_back(turn: float) -> None:
     np.testing.assert_allclose(refined_corners(drawn(true, noise=2.0), shaken), true, atol=0.05)
 
 
+@pytest.mark.slow
 def test_noise_that_is_larger_on_the_white_side_does_not_make_the_square_larger() -> None:
     """As in a camera, where light itself is noisy; an edge of 60 px that is off by 0.01 px is 0.3 mm of a metre's distance."""
     grown = []
