@@ -145,6 +145,7 @@ def test_a_plan_repeats_by_its_seed_and_names_gains_that_fall_as_more_is_known(p
     assert {throw.parameters_version for throw in plans[0].throws} == {PARTICLE.version}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3])
 def test_the_sieve_leaves_what_all_executions_would_have_picked_and_keeps_the_refused(planner: Planner, count: int) -> None:
     candidates = replace(

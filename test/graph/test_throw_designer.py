@@ -230,7 +230,6 @@ def test_a_designer_that_can_plan_no_throw_says_so_at_level_warn(graph: Graph) -
     assert not thrower.commands
 
 
-@pytest.mark.slow
 def test_beside_a_second_thrower_no_throw_is_commanded(graph: Graph) -> None:
     thrower, second = Thrower(graph.listener), Listener(graph.domain)
     reject = Mock(return_value=GoalResponse.REJECT)
@@ -250,7 +249,6 @@ def test_beside_a_second_thrower_no_throw_is_commanded(graph: Graph) -> None:
     graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a throw")
 
 
-@pytest.mark.slow
 def test_a_throw_whose_toss_does_not_come_is_told_and_followed_by_the_next(graph: Graph) -> None:
     thrower = Thrower(graph.listener)
     thrower.silent.set()

@@ -34,6 +34,7 @@ def test_a_polytope_is_ranked_without_any_extra(tmp_path: Path) -> None:
     assert (tmp_path / "ranked.png").is_file()
 
 
+@pytest.mark.slow
 def test_a_recording_is_checked_without_any_extra() -> None:
     done = run("check", str(GOLDEN))
     assert done.returncode == 0, done.stderr

@@ -70,6 +70,7 @@ def hashes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_the_compiled_types_have_the_hashes_of_their_definitions(hashes: dict[str, str], folder: Path) -> None:
     package = "contact_curation_msgs" if folder == MSG_DEFS else folder.name

@@ -82,7 +82,10 @@ def test_a_stream_keeps_exactly_the_top_k(real_tosses: Tosses, estimator: Estima
 # What a ranking does not depend on
 
 
-@pytest.mark.parametrize("criterion", criterion_names())
+@pytest.mark.parametrize(
+    "criterion",
+    [pytest.param(one, marks=pytest.mark.slow if one in ("v-optimal", "min-eig") else ()) for one in criterion_names()],
+)
 def test_curating_does_not_depend_on_the_order_of_the_tosses(real_tosses: Tosses, criterion: str) -> None:
     infos = scored_pool(real_tosses, Estimator.GAUSS_NEWTON).infos
     expected = curate(infos, RankingConfig(criterion))

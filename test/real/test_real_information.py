@@ -140,6 +140,7 @@ def test_the_gauge_is_in_no_score_and_singular_in_the_pool(real_transitions: Tra
     assert values[1] / values[-1] > 1e-7
 
 
+@pytest.mark.slow
 @ESTIMATORS
 def test_information_adds(real_transitions: Transitions, estimator: Estimator) -> None:
     """method.md 6.6: over any split of the pool."""

@@ -378,6 +378,7 @@ def test_an_encrypted_ros1_bag_is_refused(tmp_path: Path) -> None:
         BagReader(path)
 
 
+@pytest.mark.slow
 def test_a_row_that_claims_more_than_memory_is_damage_like_any_other(tmp_path: Path) -> None:
     (whole,) = write_rosbag2(tmp_path / "whole", recording(20), SQLITE).glob("*.db3")
     content = whole.read_bytes()

@@ -57,6 +57,7 @@ def test_a_position_of_one_body_and_an_orientation_of_another_are_no_pose() -> N
         columns_of(mixed, "cube")
 
 
+@pytest.mark.slow
 def test_motive_s_export_with_markers_units_and_several_bodies_is_read(cli: Cli, golden_bag: Path, tmp_path: Path) -> None:
     """The export as it is by default: markers beside each body, and the unit of lengths in the first line."""
     rows = [line.split(",") for line in text("motive", board_poses(golden_bag)).splitlines()]

@@ -136,6 +136,7 @@ def test_every_criterion_and_estimator_ranks_every_sound_toss(cli: Cli, golden: 
         assert traces == sorted(traces, reverse=True)
 
 
+@pytest.mark.slow
 def test_the_seed_decides_the_random_ranking(cli: Cli, golden: Path) -> None:
     first, again, other = (ids(cli("rank", golden, "--criterion", "random", "--seed", s, "--json").json) for s in (1, 1, 2))
     assert first == again != other

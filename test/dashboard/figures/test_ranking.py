@@ -40,6 +40,7 @@ def test_it_is_1600_by_1000(tmp_path: Path) -> None:
     assert size_of_png(tmp_path / "figure.png") == (1600, 1000)
 
 
+@pytest.mark.slow
 def test_settings_of_the_user_do_not_change_it(tmp_path: Path) -> None:
     """Of a matplotlibrc, such as text by LaTeX, which need not be installed and takes names of files for formulas."""
     save_ranking_figure(picture(), tmp_path / "plain.png")

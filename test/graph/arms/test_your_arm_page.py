@@ -44,7 +44,6 @@ def test_the_first_table_has_every_key_of_the_arm_s_file_and_the_file_of_the_pag
     assert yaml.safe_load(BLOCKS[0][1]) == yaml.safe_load(FILES["ur5e"].read_text())
 
 
-@pytest.mark.slow
 def test_parameters_that_the_page_names_are_the_node_s() -> None:
     declared = {one.name for one in all_declared()["trajectory_thrower"]}
     start = PAGE.index("| what you have |")

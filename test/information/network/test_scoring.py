@@ -45,6 +45,7 @@ def scored(
     return [info for info in found if isinstance(info, TossInformation)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", NETWORKS)
 def test_each_networks_trace_is_that_of_all_its_weights(kind: str) -> None:
     info = scored(network(kind), EMPIRICAL, SHORT[:1])[0]

@@ -53,6 +53,7 @@ def test_one_step_goes_all_the_way_and_ends_the_training(data: Transitions) -> N
     assert fitted.advance(5).gradient_steps == progress.gradient_steps  # it has ended
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("config", [exact(), exact(ROUND_TRIMMED)])
 def test_as_much_is_left_out_as_is_asked_for_and_nothing_otherwise(data: Transitions, config: TrainingConfig) -> None:
     fitted = begun(data, config=config)
@@ -153,6 +154,7 @@ def test_of_several_starts_the_lowest_minimum_counts(data: Transitions, monkeypa
     assert optimum(start, data, EXACT.loss, 0.0).model is start
 
 
+@pytest.mark.slow
 def test_the_number_of_starts_is_a_setting_that_a_checkpoint_keeps(data: Transitions) -> None:
     config = replace(EXACT, starts=2)
     fitted = begun(data, config=config)

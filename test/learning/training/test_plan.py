@@ -51,6 +51,7 @@ def test_the_kept_tosses_and_nothing_else_are_trained_on(plan: TrainingPlan) -> 
     assert curated.training.progress.gradient_steps == STEPS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("criterion", "most"), [("longest", 1), ("representative", 3)])
 def test_an_exact_training_ends_however_many_steps_it_may_take(plan: TrainingPlan, criterion: str, most: int) -> None:
     selection = RerankingConfig(RankingConfig(criterion, top=3))

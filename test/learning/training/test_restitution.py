@@ -123,6 +123,7 @@ def test_gradient_steps_from_a_model_that_bounces_take_impacts_as_one(bounced: T
     assert training.advance(40).epochs > 0
 
 
+@pytest.mark.slow
 def test_a_checkpoint_of_an_earlier_version_with_an_order_of_single_impacts_is_resumed(bounced: Transitions) -> None:
     training = training_of(bounced)
     packed = unpack(checkpoint_bytes(training), "here")

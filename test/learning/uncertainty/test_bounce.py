@@ -38,6 +38,7 @@ def thrown(restitution: float, count: int, seed: int, noise: TrackerNoise | None
     return simulated_tosses(count, seed, noise, geometry=replace(DESCRIBED, restitution=restitution))
 
 
+@pytest.mark.slow
 def test_tosses_that_bounce_give_the_word_and_what_to_do() -> None:
     bounce = found(thrown(0.3, 16, 1))
     assert bounce is not None

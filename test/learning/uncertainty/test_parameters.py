@@ -184,6 +184,7 @@ def test_a_prior_out_of_range_is_refused(name: str) -> None:
         KnownConfig(**{name: 0.0})  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_resamples_of_one_seed_are_the_same_and_of_another_are_not(model: PolytopeModel, rows: Transitions) -> None:
     few = FitConfig(loss=LOSS, max_steps=4)
     one, again, other = (bootstrap_deviations(model, rows, 2, seed, few).deviations for seed in (5, 5, 6))
