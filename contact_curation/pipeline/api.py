@@ -5,12 +5,11 @@ Defaults are those of the commands, too, but that `train` holds no tosses out un
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from enum import Enum
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from contact_curation.configs import truth_value, whole_number
+from contact_curation.configs import changed_fields, truth_value, whole_number
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.contact.evaluation import Estimator
 from contact_curation.contact.models.registry import DEFAULT_MODEL, model_entry
@@ -132,7 +131,8 @@ def check(
     """
     paths = input_paths(inputs)
     with (progress or silent)("checking", "recordings", len(paths)) as bar:
-        reading, words = _reading(body, config), _options(body, config)
+        reading = _reading(body, config)
+        words = _options(body, reading.inputs)
         found = diagnose(paths, reading, words=words, most_messages=most_messages, advance=bar.advance)
     return found if body is not None else replace(found, warnings=(NO_BODY,))
 
@@ -450,18 +450,11 @@ def _reading(body: GivenBody | None, config: InputsConfig | Mapping[str, object]
     return ReadingConfig(CONTACTNETS_CUBE if body is None else body_of(body), inputs_config(config))
 
 
-def _options(body: GivenBody | None, config: InputsConfig | Mapping[str, object] | None) -> list[str]:
+def _options(body: GivenBody | None, config: InputsConfig) -> list[str]:
     """The options by which a command is told the same."""
     file = BODY if isinstance(body, Body) else as_word(body)
     named = [] if body is None or body is CONTACTNETS_CUBE else ["--body", file]
-    settings = config.items() if isinstance(config, Mapping) else ()
-    return [*named, *(word for path, value in settings for word in ("--set", f"{path}={_written(value)}"))]
-
-
-def _written(value: object) -> str:
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return ",".join(map(_written, value))
-    return str(value.value if isinstance(value, Enum) else value)
+    return [*named, *(word for setting in changed_fields(config, InputsConfig()) for word in ("--set", setting))]
 
 
 def _tosses(tosses: Tosses | Inputs, body: Body | None) -> Tosses:

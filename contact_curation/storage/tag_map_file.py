@@ -13,13 +13,14 @@ of rows and columns; the names of fields are those of its documentation. A body'
 it. Tags without a pose, which TagSLAM estimates itself, are left out.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, near_name
+from contact_curation.contact.body_values import check_keys
+from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError
 from contact_curation.files import read_yaml
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.poses import Pose
@@ -86,19 +87,12 @@ def _line(tag: Tag) -> str:
     return f"{{id: {tag.tag_id}, edge: {float(tag.edge)!r}, position: {position}, orientation_wxyz: {turn}}}"
 
 
-def _check_keys(entry: Mapping[str, Any], known: Sequence[str]) -> None:
-    """Refuses what would be ignored: a misspelled `axes` or `orientation_wxyz` would turn tags."""
-    other = next((key for key in entry if key not in known), None)
-    if other is not None:
-        raise InvalidValueError("a map of tags", repr(other), f"only {', '.join(known)}{near_name(str(other), known)}")
-
-
 def _listed(numbers: Array) -> str:
     return "[" + ", ".join(repr(float(number) + 0.0) for number in numbers) + "]"
 
 
 def _maps(content: Mapping[str, Any]) -> Iterator[TagMap]:
-    _check_keys(content, ("family", "axes", "frames"))
+    check_keys(content, ("family", "axes", "frames"))
     if content.get("family", FAMILY) != FAMILY:
         raise InvalidValueError("family", content["family"], FAMILY)
     try:
@@ -110,7 +104,7 @@ def _maps(content: Mapping[str, Any]) -> Iterator[TagMap]:
 
 
 def _tag(entry: Mapping[str, Any], axes: TagAxes) -> Tag:
-    _check_keys(entry, ("id", "edge", "position", "orientation_wxyz"))
+    check_keys(entry, ("id", "edge", "position", "orientation_wxyz"))
     position = np.array(entry["position"], dtype=float)
     pose = Pose(position, np.array(entry.get("orientation_wxyz", IDENTITY), dtype=float))
     return Tag(entry["id"], in_our_axes(pose, axes), float(entry["edge"]))

@@ -1,6 +1,5 @@
 """The loop of learning through real processes: what is kept is trained on, and what was learned ranks again."""
 
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,11 +8,11 @@ from typing import Any
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
-from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.models.polytope import PolytopeModel
 from contact_curation.information.model_version import model_version
 from contact_curation.learning.checkpoints.theta_bytes import geometry_of_bytes
 from contact_curation.storage.checkpoint_file import read_model
+from test.cli.commands import write_parameters
 from test.graph.parts.graph import Graph
 from test.graph.parts.made_node import lone_domain, made_node
 from test.graph.parts.offline import tosses_of
@@ -55,14 +54,11 @@ def staying(condition: Callable[[], bool], seconds: float = 2.0) -> Callable[[],
 
 
 def test_tosses_are_in_the_unit_of_length_of_the_first_parameters(tmp_path: Path) -> None:
-    body, theta = CONTACTNETS_CUBE, ContactGeometry.of_body(CONTACTNETS_CUBE)
-    vertices = (0.5 * theta.vertices_normal).tolist()
-    data = {"vertices_normal": vertices, "vertices_tangent": vertices, "length_scale": 2.0 * body.length_scale}
-    data |= {"normal": theta.normal.tolist(), "tangents": theta.tangents.tolist()}
-    path = tmp_path / "theta.json"
-    path.write_text(json.dumps(data))
+    scale = 2.0 * CONTACTNETS_CUBE.length_scale
+    vertices = (CONTACTNETS_CUBE.vertices / scale).tolist()
+    path = write_parameters(tmp_path / "theta.json", vertices_normal=vertices, vertices_tangent=vertices, length_scale=scale)
     with lone_domain() as domain, made_node("trainer", domain, f"params:={path}") as (node, _):
-        assert node._stage._length_scale == 2.0 * body.length_scale
+        assert node._stage._length_scale == scale
 
 
 def test_what_is_kept_is_trained_on_and_everything_is_scored_and_ranked_again_at_what_was_learned(

@@ -331,11 +331,12 @@ def test_models_of_files_are_scored_and_ranked_for(
 @pytest.mark.slow
 def test_the_command_that_check_proposes_has_the_body_and_the_settings(golden_bag: Path, tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(json.dumps(CONTACTNETS_CUBE.to_mapping()))
-    settings = {"gates.depth": 0.0101, "rig.normal": [0.0, 0.0, 1.0]}
+    settings = {"gates.depth": 0.0101, "poses.rectified": False, "rig.centre": [0.1, 0.0, 0.0]}
     for given, word in ((str(tmp_path / "own.yaml"), tmp_path / "own.yaml"), (replace(CONTACTNETS_CUBE, mass=0.4), "BODY")):
         found = cc.check(golden_bag, given, config=settings).next
-        words = f"--body {word} --set gates.depth=0.0101 --set rig.normal=0.0,0.0,1.0"
+        words = f"--body {word} --set poses.rectified=false --set gates.depth=0.0101 --set rig.centre=0.1,0.0,0.0"
         assert found == f"contact-curation rank {golden_bag} {words} --out ranked.csv"
+        assert found == cc.check(golden_bag, given, config=inputs_config(settings)).next
     assert "--body" not in cc.check(golden_bag, CONTACTNETS_CUBE).next
 
 

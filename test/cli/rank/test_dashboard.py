@@ -14,9 +14,8 @@ import pytest
 from rerun.chunk import RrdReader
 
 from contact_curation.contact.body import CONTACTNETS_CUBE as BODY
-from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.dashboard.live.screen import number
-from test.cli.commands import Cli
+from test.cli.commands import Cli, write_parameters
 from test.dashboard.live.test_serving import free_port
 from test.dashboard.recorded import Recorded
 
@@ -43,14 +42,12 @@ def test_a_recording_shows_what_is_known_down_the_ranking(cli: Cli, golden: Path
 
 
 def test_what_is_shown_follows_the_settings_and_the_body_of_the_parameters(cli: Cli, golden: Path, tmp_path: Path) -> None:
-    theta, scale = ContactGeometry.of_body(BODY), 2.0 * BODY.length_scale
+    scale = 2.0 * BODY.length_scale
     vertices = (BODY.vertices / scale).tolist()
-    data = {"vertices_normal": vertices, "vertices_tangent": vertices, "length_scale": scale}
-    data |= {"normal": theta.normal.tolist(), "tangents": theta.tangents.tolist()}
-    (tmp_path / "theta.json").write_text(json.dumps(data))
+    theta = write_parameters(tmp_path / "theta.json", vertices_normal=vertices, vertices_tangent=vertices, length_scale=scale)
     settings = ["--set", "ranking.prior=1", "--set", "ranking.cut=0.01"]
     path = tmp_path / "ranking.rrd"
-    words = ["--params", tmp_path / "theta.json", "--top", TOP, *settings, "--json", "--rrd", path]
+    words = ["--params", theta, "--top", TOP, *settings, "--json", "--rrd", path]
     told = json.loads(cli("rank", golden, *words).out)
     written = Recorded(path)
     faces = written.column("/body/learned/faces", "Mesh3D:vertex_positions")[-1]
