@@ -83,7 +83,7 @@ def usual_period(steps: Array) -> float:
 
 
 def periods_of(toss: Toss) -> NDArray[np.int64]:
-    """(T,) frame periods from the first frame of a toss to each; one more each time, but where frames are missing."""
+    """(T,) frame periods from the first frame of a toss to each: one more each time, but where frames are missing or uneven."""
     stamped, frames = _stamped(toss)
     if _uneven(toss, stamped, frames):
         return nearest_frames(stamped, toss.frame_period)
@@ -91,10 +91,8 @@ def periods_of(toss: Toss) -> NDArray[np.int64]:
 
 
 def nearest_frames(steps: Array, period: float) -> NDArray[np.int64]:
-    """(T,) frame periods to the end of each of T - 1 steps, from 0 on: the nearest whole numbers, each larger than the last."""
-    places = np.arange(len(steps) + 1)
-    frames = np.rint(np.concatenate([[0.0], np.cumsum(steps)]) / period).astype(np.int64)
-    return np.asarray(np.maximum.accumulate(frames - places) + places)
+    """(T,) frame periods to the end of each of T - 1 steps, from 0 on: the nearest whole numbers, perhaps one of them twice."""
+    return np.rint(np.concatenate([[0.0], np.cumsum(steps)]) / period).astype(np.int64)
 
 
 def _steps_of(toss: Toss) -> Array:

@@ -149,14 +149,14 @@ def _predicted(
     counts = np.array([each[-1] + 1 for each in frames])
     first = np.stack([each[0] for each in states])
     rolled = model.roll_out(first, counts, np.array(periods), config.sweeps, config.threads)
-    if sum(len(each) for each in frames) < len(rolled.states):
+    if any((np.diff(each) != 1).any() for each in frames):
         rolled = _seen(rolled, frames)
     measured = np.concatenate(states)
     return PredictedMotions(rolled, measured, motion_errors(rolled.states, measured, rolled.starts, model.body))
 
 
 def _seen(rolled: Rollout, frames: Sequence[NDArray[np.int64]]) -> Rollout:
-    """Those rows of K trajectories that are `frames` (T,) of each: a recording lacks some."""
+    """Those rows of K trajectories that are `frames` (T,) of each: a recording lacks some, or has two near one of them."""
     rows = np.concatenate([start + each for start, each in zip(rolled.starts[:-1], frames, strict=True)])
     starts = np.concatenate([[0], np.cumsum([len(each) for each in frames])])
     return Rollout(starts, rolled.states[rows], rolled.status[rows], rolled.residual[rows], None)

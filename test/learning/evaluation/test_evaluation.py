@@ -111,6 +111,14 @@ def test_a_motion_that_is_not_finite_is_named_and_left_out_of_the_summary_only(t
     assert paired.mean.value == 0.0
 
 
+def test_two_frames_near_one_of_the_model_are_both_compared_with_it(tosses: tuple[Toss, ...]) -> None:
+    seen = np.array([0, 1, 1, *range(3, tosses[0].frames)])
+    arrays = ("positions", "orientations_wxyz", "linear_velocities", "angular_velocities")
+    stamps = tosses[0].stamps_ns[seen] + 400_000 * (np.arange(len(seen)) == 2)
+    toss = replace(tosses[0], stamps_ns=stamps, **{name: getattr(tosses[0], name)[seen] for name in arrays})
+    assert predicted_motions(cube(), [toss], CONFIG).errors.position == pytest.approx(0.0, abs=1e-6)
+
+
 def test_nothing_finite_has_no_summary(tosses: tuple[Toss, ...]) -> None:
     wild = replace(tosses[0], linear_velocities=np.full_like(tosses[0].linear_velocities, 1e300))
     found = evaluate_model(cube(), [wild], CONFIG)
