@@ -119,6 +119,8 @@ def _resident(name: str) -> float:
 
 def _tables(rows: list[Row]) -> dict[str, Sequence[Row]]:
     judged = [row for row in rows if not row["failed"]]
+    if not judged:
+        raise InvalidValueError("fits", f"all {len(rows)} failed", f"at least one that did not ({rows[0]['failed']})")
     return {"rows.csv": [_means(row) for row in rows], "differences.csv": differences(judged, BootstrapConfig(), OURS)}
 
 

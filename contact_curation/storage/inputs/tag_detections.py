@@ -29,6 +29,9 @@ FAMILY_NAMES = {"", "36h11", FAMILY}
 MOST_IDS = 8
 """Ids, and families, that a line lists."""
 
+LEAST_BASELINE = 1e-5
+"""Distance of the cameras of a stereo pair from which it counts [m]; what is less is a calibration's rounding."""
+
 MOST_WAITING = 4096
 """Largest number of images that wait for the first CameraInfo."""
 
@@ -157,9 +160,12 @@ def _check_first_of_pair(message: Any) -> None:
     Raises:
         InvalidValueError: P has a baseline.
     """
-    baseline = (float(message.p[3]), float(message.p[7]))
-    if any(baseline):
-        wanted = "0, 0, or tags of the board in the tag map: of the second camera of a stereo pair the frame is not certain"
+    baseline = (float(message.p[3]), float(message.p[7]))  # times the focal length [m px]
+    if max(map(abs, baseline)) > LEAST_BASELINE * abs(float(message.p[0])):
+        wanted = (
+            "0, 0, or tags of the board in the tag map, or `rectified` false where tags were detected in raw images: of the "
+            "second camera of a stereo pair the frame is not certain"
+        )
         raise InvalidValueError("Tx, Ty in P of CameraInfo", baseline, wanted)
 
 

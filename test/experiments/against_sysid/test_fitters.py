@@ -114,6 +114,9 @@ def test_a_fitter_that_fails_is_a_row_and_the_others_go_on(cli: Cli, tmp_path: P
     assert "no inverse" in rows["sysid"]
     assert (tmp_path / "differences.csv").read_text().count("cmaes") > 0
     assert cli(*words, "--json", "--out", tmp_path).json["run"] == 0
+    failed = cli(*words[:5], "--rules", "sysid", "--out", tmp_path / "failed")
+    assert failed.status == 1
+    assert "fits: found all 1 failed, expected at least one that did not (no inverse)" in failed.err
 
 
 @pytest.mark.slow

@@ -188,6 +188,9 @@ def test_a_second_camera_of_a_stereo_pair_needs_the_board_in_its_images() -> Non
     (bad,) = without.calibrated(info)
     assert isinstance(bad, BadPose)
     assert "Tx, Ty in P of CameraInfo: found (-120.0, 0.0), expected 0, 0" in bad.why
+    assert "`rectified` false" in bad.why
+    info.p[3], info.p[7] = 1e-17, -3e-14  # as a calibration rounds
+    assert reader(ready=False, rig=TagRig(RIG.body)).calibrated(info) == ()
 
 
 def test_with_a_tag_map_detections_and_their_camera_are_found_beside_poses() -> None:
