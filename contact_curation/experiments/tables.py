@@ -98,7 +98,8 @@ def save_results_figure(experiment: Experiment, summaries: Sequence[Summary], pa
     layout = LAYOUTS[experiment]
     counts = sorted({summary.seeds for summary in summaries})
     seeds = f"{counts[0]} to {counts[-1]}" if len(counts) > 1 else f"{counts[0]}" if counts else "no"
-    title = f"{layout.title}: medians over {seeds} seeds with 95 % intervals"
+    bounded = any(np.isfinite(summary.median.low) for summary in summaries)  # too few seeds give no interval
+    title = f"{layout.title}: medians over {seeds} seeds{' with 95 % intervals' if bounded else ''}"
     save_experiment_figure(layout.panels(summaries), title, layout.places, path)
 
 

@@ -1,11 +1,16 @@
 """Medians over seeds, and rules compared seed by seed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.experiments import tables
+from contact_curation.experiments.catalogue import Experiment
 from contact_curation.experiments.cell_run import Row
 from contact_curation.experiments.summary import Summary, summarised
+from contact_curation.experiments.tables import write_tables
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig
 
 CONFIG = BootstrapConfig(resamples=200)
@@ -41,3 +46,14 @@ def test_a_rule_is_not_compared_with_itself_and_what_is_no_number_is_left_out() 
 def test_a_seed_twice_is_refused() -> None:
     with pytest.raises(InvalidValueError, match=r"seed 0\.0 twice"):
         summarised([*rows(), rows()[0]], ("rule", "size"), ("error",), (), CONFIG)
+
+
+@pytest.mark.parametrize(("seeds", "ending"), [(8, " with 95 % intervals"), (2, "")])
+def test_the_title_of_a_figure_promises_intervals_only_where_seeds_suffice(
+    seeds: int, ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    titles: list[str] = []
+    monkeypatch.setattr(tables, "save_experiment_figure", lambda panels, title, *_: titles.append(title))
+    measured = [{**row, "weights": "", "epsilon": row["error"]} for row in rows() if float(row["seed"]) < seeds]
+    write_tables(Experiment.THEOREM, [row for row in measured if row["size"] == 8.0], tmp_path)
+    assert titles[0].partition(" seeds")[2] == ending
