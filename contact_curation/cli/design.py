@@ -9,6 +9,7 @@ from contact_curation.cli.options.body import add_body_option, chosen_body
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.options.output_paths import add_overwrite_option, check_outputs
 from contact_curation.cli.options.reading import (
+    POSES,
     SHARED_STAGES,
     add_params_option,
     add_pose_options,
@@ -129,6 +130,7 @@ def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfi
     Raises:
         ContactCurationError: a file cannot be used, or a setting is not accepted.
     """
+    _check_recordings(arguments)
     candidates, design = CandidateConfig(), DesignConfig()
     judged = {name: getattr(candidates, name) for name in CANDIDATES}
     stages = stages_of(arguments, {"design": design, **judged, "refinement": design.refinement, "loss": DEFAULT_LOSS})
@@ -145,6 +147,20 @@ def design_task(arguments: argparse.Namespace) -> tuple[DesignTask, ReadingConfi
         name=arguments.name,
     )
     return task, ReadingConfig(body, inputs_of(stages))
+
+
+def _check_recordings(arguments: argparse.Namespace) -> None:
+    """Refuses options on recordings where none is read.
+
+    Raises:
+        InvalidValueError: such an option is given, and no recording.
+    """
+    if arguments.known or arguments.prior:
+        return
+    given = [f"--{name.replace('_', '-')}" for name in POSES if getattr(arguments, name) is not None]
+    given += [f"--set {one}" for one in arguments.settings if one.partition(".")[0] in SHARED_STAGES]
+    if given:
+        raise InvalidValueError(given[0], "no --known and no --prior", "recordings, which it is about")
 
 
 def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple[Toss, ...], tuple[str, ...]]:

@@ -141,6 +141,8 @@ def test_other_ways_to_choose_throws_expect_less(cli: Cli, tmp_path: Path, words
         (("--set", "forecast.executions=3"), "forecast.executions: found 3, expected an even number"),
         (("--params", "nowhere.json"), "nowhere.json: cannot be read"),
         (("--known", "nowhere.mcap"), "nowhere.mcap"),
+        (("--body-frame", "cube"), "--body-frame: found no --known and no --prior, expected recordings, which it is about"),
+        (("--set", "rig.scale=1.01"), "--set rig.scale=1.01: found no --known and no --prior, expected recordings"),
     ],
 )
 def test_what_cannot_be_designed_is_one_line(cli: Cli, tmp_path: Path, words: tuple[str, ...], line: str) -> None:
