@@ -100,6 +100,7 @@ def test_a_toss_is_held_out_by_its_place_in_a_recording_and_kept_back_ones_count
     assert f"rejected: {some['outcomes']['held out']} (held out)" in said
 
 
+@pytest.mark.slow
 def test_what_holds_out_nothing_or_everything_is_one_line(cli: Cli, golden: Path, tmp_path: Path) -> None:
     none = cli("rank", golden, "--held-out", "400-569")
     said = "--held-out: found numbers 400-569, expected some of the 21 tosses that passed, from 0 to 23"

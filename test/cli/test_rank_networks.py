@@ -77,6 +77,7 @@ def test_every_estimator_ranks_for_every_network_as_the_library_does(
     assert report["diagnostics"]["network"]["draws"] == 6
 
 
+@pytest.mark.slow
 def test_orthogonal_takes_the_exact_scores(cli: Cli, folder: Path) -> None:
     """A sketch of one row and column per layer knows next to nothing, and the lengths of the scores are right all the same."""
     words = ("--criterion", "orthogonal", "--estimator", "empirical")

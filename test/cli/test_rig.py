@@ -141,6 +141,7 @@ def test_a_height_that_loses_every_toss_is_found_and_corrected(cli: Cli, tmp_pat
     assert ranked.json["outcomes"]["selected"] + ranked.json["outcomes"]["not selected"] == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", [(0.0, 0.0, 0.0), (0.003, -0.004, 0.002)])
 def test_the_marker_s_offset_is_what_the_described_centre_of_mass_leaves(
     cli: Cli, tmp_path: Path, beside: tuple[float, float, float]

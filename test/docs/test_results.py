@@ -276,6 +276,7 @@ def test_the_tables_of_false_alarms_are_those_of_their_rows() -> None:
         assert [float(share.removesuffix(" %")) for share in shares] == pytest.approx(means, abs=0.51), cell
 
 
+@pytest.mark.slow
 def test_the_tables_of_ways_to_throw_are_those_of_the_stored_rows() -> None:
     page = (DOCS / "reference" / "ways_to_throw.md").read_text()
     texts = ("world", "rule")

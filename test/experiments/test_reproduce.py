@@ -56,6 +56,7 @@ def test_dataset_quality_compares_rules_seed_by_seed(cli: Cli, folder: Path, tmp
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_it_goes_on_where_it_was_stopped_and_gives_the_same_digits(cli: Cli, folder: Path, tmp_path: Path) -> None:
     words = ("reproduce", "theorem", folder, *SMALL, "--rules", "random", "trace", "--out")
     cli(*words, tmp_path / "whole")

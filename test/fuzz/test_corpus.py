@@ -31,6 +31,7 @@ def test_a_seed_is_read(path: Path) -> None:
     assert read(path.parent.name, path.read_bytes()) is None
 
 
+@pytest.mark.slow
 def test_libraries_that_start_a_process_are_imported_before_a_reader_is_watched() -> None:
     """As in a fuzzer, which has imported nothing yet."""
     seeds = {path.parent.name: str(path) for path in SEEDS if TARGETS[path.parent.name].library}

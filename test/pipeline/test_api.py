@@ -375,6 +375,7 @@ def test_settings_with_a_choice_take_its_name() -> None:
     assert inputs_config({"poses.tags.corner_order": "opencv"}).poses.tags.corner_order is CornerOrder.OPENCV
 
 
+@pytest.mark.slow
 def test_a_manifest_has_the_settings_of_reading_and_loss(cli: Cli, golden_bag: Path, tmp_path: Path) -> None:
     settings = ("gates.rest_tilt=0.0004", "loss.match=0.2")
     done = cli("rank", golden_bag, *(f"--set={one}" for one in settings), "--out", tmp_path / "best.json")

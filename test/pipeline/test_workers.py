@@ -181,6 +181,7 @@ print(list(each(length, [Path(sys.argv[1]), Path(sys.argv[1])], 2, unheard)))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("from_standard_input", [False, True])
 def test_a_script_needs_no_guard(from_standard_input: bool, tmp_path: Path) -> None:
     script = tmp_path / "script.py"
@@ -191,6 +192,7 @@ def test_a_script_needs_no_guard(from_standard_input: bool, tmp_path: Path) -> N
     assert done.stdout == f"begins\n[{len(UNGUARDED)}, {len(UNGUARDED)}]\n", done.stderr
 
 
+@pytest.mark.slow
 def test_threads_that_start_workers_at_once_leave_the_script_as_it_is() -> None:
     script = sys.modules["__main__"]
     with ThreadPoolExecutor(4) as threads:

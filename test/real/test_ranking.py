@@ -53,6 +53,7 @@ def test_every_trace_is_that_of_the_scores_of_its_transitions(real_tosses: Tosse
         assert found["mean"] * (last - first) == pytest.approx(found["sum"], rel=1e-15)
 
 
+@pytest.mark.slow
 @ESTIMATORS
 def test_the_trace_of_a_union_is_the_sum_of_the_traces(real_tosses: Tosses, estimator: Estimator) -> None:
     """method.md 6.6, of pooled information as rankings use it: 24 rows of each toss keep 99.9 % of the smallest of them."""

@@ -77,6 +77,7 @@ def test_no_rotation_of_the_cube_into_itself_changes_a_block(real_transitions: T
         np.testing.assert_allclose(block_traces(relabelled(before), relabelled(after), dt), expected, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_shift_of_the_board_changes_the_normals_block_of_the_legacy_form_only(real_transitions: Transitions) -> None:
     rows, shift = real_transitions, np.zeros(13)
     shift[:2] = 3.0, -2.0

@@ -400,6 +400,7 @@ def test_a_round_says_what_its_model_lacks(tmp_path: Path) -> None:
             assert [line.partition(":")[0] for line in trained.misfits()] == said
 
 
+@pytest.mark.slow
 def test_rounds_begin_at_a_shape_that_is_known_and_stay_near_it(tmp_path: Path) -> None:
     config = replace(exact(), shape_known_to=0.0005)
     thrown = simulated_tosses(4, 3)

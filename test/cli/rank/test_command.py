@@ -197,6 +197,7 @@ def test_the_order_of_the_inputs_does_not_matter_to_the_ranking(cli: Cli, golden
     assert ids(there) == ids(back)
 
 
+@pytest.mark.slow
 def test_a_toss_that_comes_twice_is_ranked_once_and_said(cli: Cli, golden: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(golden.read_bytes())

@@ -70,6 +70,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_one_others(cli: Cli, f
     assert a != c
 
 
+@pytest.mark.slow
 def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli, folder: Path, tmp_path: Path) -> None:
     how = ("--protocol", "exact", "--held-out", "5,6")
     done = cli("train", folder, "--out", tmp_path / "a.safetensors", *how, "--json")

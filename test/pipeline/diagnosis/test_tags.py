@@ -38,6 +38,7 @@ def rig_with(change: Callable[[Tag], Tag]) -> TagRig:
     return TagRig(TagMap(RIG.body.frame, tuple(change(tag) for tag in RIG.body.tags)), RIG.board)
 
 
+@pytest.mark.slow
 def test_the_order_of_corners_is_named_as_a_setting_and_to_be_checked_again(tmp_path: Path) -> None:
     clockwise = images_with(lambda one: one._replace(corners=one.corners[[3, 2, 1, 0]] - 0.5))
     found = checked(tmp_path, clockwise)

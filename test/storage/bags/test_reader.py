@@ -352,6 +352,7 @@ def test_messages_of_ros1_inside_mcap_are_understood(tmp_path: Path) -> None:
     assert losses == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["mcap", "sqlite3", "ros1"])
 def test_memory_stays_flat_while_reading(tmp_path: Path, kind: str) -> None:
     def peak(count: int) -> int:
