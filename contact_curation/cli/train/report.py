@@ -96,7 +96,7 @@ def print_report(report: TrainReport) -> None:
         print(f"corners were taken as known to {1e3 * known_to:g} mm")
     if report.run.plan.held_out:
         count = len(report.run.plan.held_out)
-        few = "" if count >= FEWEST else ", too few to judge by: --held-out 0.3 holds more out"
+        few = "" if count >= FEWEST else ", too few to judge by: hold out more, by --held-out"
         print(
             f"held-out loss {report.run.loss_before:.4g} before, {report.run.loss_after:.4g} after, "
             f"on {counted_tosses(count)}{few}"

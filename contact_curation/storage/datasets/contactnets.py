@@ -10,6 +10,7 @@ import warnings
 import zipfile
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -24,7 +25,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.scalars import vector
 from contact_curation.motion.calibration import RigCalibration, apply_calibration
 from contact_curation.motion.gates import inspect
-from contact_curation.motion.restored_toss import restored
+from contact_curation.motion.restored_toss import RestoredToss, restored
 from contact_curation.motion.toss import NANOSECONDS, Rejected, Toss
 from contact_curation.storage.addresses import Address
 from contact_curation.storage.bags.file import file_sha256
@@ -130,6 +131,15 @@ def of_tracked_frame(toss: Toss, body: Body) -> Toss:
     return apply_calibration(toss, RigCalibration(marker_offset=vector(-body.center_of_mass)))
 
 
+def restored_of(stored: Toss, body: Body) -> RestoredToss:
+    """As `restored`, by velocities of the tracked frame or, in files of `export`, of the centre of mass: the more certain."""
+    tracked = restored(stored)
+    central = restored(of_center_of_mass(stored, body)) if body.center_of_mass.any() else tracked
+    if central.timed_steps <= tracked.timed_steps:
+        return tracked
+    return replace(central, toss=of_tracked_frame(central.toss, body))
+
+
 def _natural(file: Path) -> list[tuple[int, str]]:
     """Sort key that puts 2.pt before 10.pt."""
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", file.stem)]
@@ -214,7 +224,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
 
 def _gated(file: Path, digest: str, body: Body, config: InputsConfig) -> Found:
     stored = read_contactnets_toss(file, body)
-    tracked = stored if config.as_stored else restored(stored).toss
+    tracked = stored if config.as_stored else restored_of(stored, body).toss
     toss = apply_calibration(of_center_of_mass(tracked, body), config.rig)
     reasons = inspect(toss, body, config.gates, config.segmenter.tracker)
     return Found(Rejected(toss, reasons) if reasons else toss, TossProvenance(str(file), digest))

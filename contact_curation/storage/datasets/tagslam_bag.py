@@ -23,11 +23,11 @@ from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose, multiply
 from contact_curation.motion.lead_in import surrounded
-from contact_curation.motion.restored_toss import RestoredToss, restored
+from contact_curation.motion.restored_toss import RestoredToss
 from contact_curation.motion.segmenter_config import CONTACTNETS_RULES, SegmenterConfig
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.storage.bags.writer import BagWriter
-from contact_curation.storage.datasets.contactnets import contactnets_files, of_center_of_mass, read_contactnets
+from contact_curation.storage.datasets.contactnets import contactnets_files, of_center_of_mass, read_contactnets, restored_of
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
 from contact_curation.storage.inputs.recording_notes import (
     NUMBERS_NOTE,
@@ -132,7 +132,7 @@ def import_contactnets(
         nonlocal steps, timed
         for done, item in enumerate(_read(files, body), start=1):
             if isinstance(item, Toss):
-                original = restored(item)
+                original = restored_of(item, body)
                 steps, timed = steps + item.frames - 1, timed + original.timed_steps
                 inexact.extend(_misfit(original))
                 yield of_center_of_mass(original.toss, body)

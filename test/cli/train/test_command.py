@@ -39,7 +39,7 @@ def test_a_bag_is_trained_on_and_its_held_out_loss_falls(cli: Cli, golden: Path,
 
 def test_it_is_said_where_too_few_tosses_are_held_out_to_judge_by(cli: Cli, golden: Path, tmp_path: Path) -> None:
     out = tmp_path / "cube.safetensors"
-    few = ", too few to judge by: --held-out 0.3 holds more out"
+    few = ", too few to judge by: hold out more, by --held-out"
     for share, said in ((0.1, True), (0.3, False)):
         done = cli("train", golden, "--out", out, "--overwrite", "--steps", 1, "--held-out", share)
         assert (few in done.out) == said

@@ -22,6 +22,8 @@ from contact_curation.storage.inputs.inputs import open_inputs
 from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.manifest.manifest import Manifest
 from contact_curation.storage.provenance import TossProvenance
+from test.motion.recorded_tosses import shaken
+from test.motion.test_segmenter import cut, tossed
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 from test.storage.manifest.test_manifest import RUN
 from test.storage.selected_rows import row
@@ -73,6 +75,19 @@ def test_files_hold_the_frame_that_a_tracker_follows_and_give_the_body_back(tmp_
     import_contactnets(tmp_path, tmp_path / "bag.mcap", beside, TagslamRig(rules=SegmenterConfig()))
     (recorded,) = (one for one in open_inputs([tmp_path / "bag.mcap"], beside) if isinstance(one, Toss))
     np.testing.assert_allclose(recorded.positions, toss.positions, atol=1e-9)
+
+
+def test_files_of_a_body_beside_its_tracked_frame_keep_the_stamps(tmp_path: Path) -> None:
+    seen, beside = tossed(cut(shaken(3))), replace(CUBE, center_of_mass=np.array([0.02, -0.01, 0.03]))
+    write_contactnets([kept(seen)], beside, tmp_path)
+    report = import_contactnets(tmp_path, tmp_path / "bag.mcap", beside, TagslamRig(rules=SegmenterConfig()))
+    assert report.inexact == ()
+    (read,) = (one for one in open_inputs([tmp_path], beside) if isinstance(one, Toss))
+    (recorded,) = (one for one in open_inputs([tmp_path / "bag.mcap"], beside) if isinstance(one, Toss))
+    for again in (read, recorded):
+        assert np.median(np.abs(np.diff(again.stamps_ns) - np.diff(seen.stamps_ns))) <= 1
+        np.testing.assert_allclose(again.linear_velocities, seen.linear_velocities, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(again.positions, seen.positions, atol=1e-9)
 
 
 def test_a_toss_of_such_a_file_is_that_file(tmp_path: Path) -> None:
