@@ -9,7 +9,7 @@ represented exactly by them. The solver takes `MAX_CONTACTS` corners; of more, t
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -211,8 +211,16 @@ def _referred(path: Path, content: Mapping[str, Any], options: BodyOptions) -> B
     told: dict[str, Any] = {name: number(name, content[name]) for name in scalars if name in content}
     told.update({name: text(content, name) for name in ("name", "link") if name in content})
     told.update({name: numbers(name, content[name]) for name in ("inertia", "center_of_mass") if name in content})
-    options = options.over(BodyOptions(**told))
-    return _completed(path, READERS[file.suffix.lower()](file, options), options)
+    stated = BodyOptions(**told)
+    options = options.over(stated)
+    link = READERS[file.suffix.lower()](file, options)
+    if stated.inertia is None:
+        return _completed(path, link, options)
+    has_mass = stated.mass is not None or stated.density is not None or link.mass is not None
+    times = _properties(link, options)[0].mass / _properties(link, stated)[0].mass if has_mass else 1.0
+    found = _completed(path, link, replace(options, inertia=stated.inertia * times))
+    by = "" if times == 1.0 else f", times {times:.3g}"
+    return found._replace(notes=(f"inertia: as stated in {path.name}{by}", *found.notes))
 
 
 def _completed(path: Path, link: Link, options: BodyOptions) -> BodyDescription:
@@ -223,7 +231,7 @@ def _completed(path: Path, link: Link, options: BodyOptions) -> BodyDescription:
     scale = derived_scale(of_hull(corners.vertices).mass)
     error = link.solid.error + corners.error
     friction = options.friction if options.friction is not None else link.friction
-    notes = [*link.notes, origin]
+    notes = [*link.notes, *([origin] if options.inertia is None else [])]
     if float(np.abs(center).max()) > 0.0:
         notes.append(f"centre of mass: at {_millimetres(center)} mm in the file's frame; poses are taken to be of that frame")
     if options.length_scale is None:

@@ -296,6 +296,18 @@ def test_a_mass_that_is_given_scales_the_inertia_of_the_file(files: dict[str, Pa
         np.testing.assert_allclose(body.inertia, 2.0 * np.diag(INERTIA), atol=1e-12)
 
 
+@pytest.mark.parametrize("weight", [BodyOptions(mass=0.8), BodyOptions(density=0.8 / (0.1 * 0.08 * 0.06))])
+def test_a_mass_that_is_given_scales_the_inertia_beside_the_name_of_a_file(tmp_path: Path, weight: BodyOptions) -> None:
+    box = '<geom type="box" size="0.05 0.04 0.03"/>'
+    (tmp_path / "box.xml").write_text(f'<mujoco><worldbody><body name="box">{box}</body></worldbody></mujoco>')
+    file = tmp_path / "box.yaml"
+    file.write_text("mjcf: box.xml\nmass: 0.4\ninertia: [4.0e-4, 5.0e-4, 6.0e-4]\nfriction: 0.3\n")
+    assert np.diag(Body.from_file(file).inertia) == pytest.approx([4e-4, 5e-4, 6e-4], rel=1e-12)
+    found = read_description(file, weight)
+    assert (found.mass, *np.diag(found.inertia)) == pytest.approx((0.8, 8e-4, 1e-3, 1.2e-3), rel=1e-9)
+    assert [note for note in found.notes if "inertia" in note] == ["inertia: as stated in box.yaml, times 2"]
+
+
 def test_an_l_of_two_pieces_touches_with_the_corners_of_its_hull_and_has_its_own_inertia(tmp_path: Path) -> None:
     boxes = (((0.02, 0.02, 0.08), (0.0, 0.0, 0.0)), ((0.04, 0.02, 0.02), (0.06, 0.0, -0.06)))  # they overlap nowhere
     collisions = "".join(
