@@ -308,6 +308,8 @@ def _listed(path: Path, content: Mapping[str, Any], options: BodyOptions) -> Bod
     if options.center_of_mass is not None:
         vertices = vertices + told["center_of_mass"] - options.center_of_mass
         told["center_of_mass"] = options.center_of_mass
+    if (center := told["center_of_mass"]).any():
+        notes = (*notes, f"centre of mass: at {_millimetres(center)} mm in the frame that the tracker follows")
     corners = Corners(vertices, len(vertices), 0.0)
     if len(vertices) > MAX_CONTACTS:
         corners = hull_corners(vertices, MAX_CONTACTS)

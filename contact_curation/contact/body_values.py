@@ -54,7 +54,7 @@ def body_of_mapping(content: Mapping[str, Any]) -> dict[str, Any]:
         check_lengths(vertices, number("mass", content["mass"]) / volume if "mass" in content else LIKELY_DENSITY)
         raise MissingKeyError({key: _example(key, content, vertices) for key in missing})
     return {
-        "name": str(content["name"]),
+        "name": text(content, "name"),
         "vertices": vertices,
         "inertia": symmetric_inertia(numbers("inertia", content["inertia"])),
         **{key: number(key, content[key]) for key in ("mass", "friction", "length_scale")},

@@ -175,6 +175,7 @@ def test_a_listed_shape_without_an_inertia_is_filled_evenly(tmp_path: Path) -> N
 
 EVENLY = "inertia: of the geometry filled evenly with 0.3 kg"
 CENTRE = "centre of mass: at (10, -20, 50) mm in the file's frame; poses are taken to be of that frame"
+FOLLOWED = "centre of mass: at (10, -20, 50) mm in the frame that the tracker follows"
 LENGTH = "length scale: 0.0416 m, half the edge of a cube of the same volume"
 IN_YAML = "mesh: binary.stl\nscale: 0.001\nfriction: 0.2\n"
 
@@ -196,7 +197,7 @@ IN_YAML = "mesh: binary.stl\nscale: 0.001\nfriction: 0.2\n"
         ),
         ("brick.urdf", {}, ("mass and inertia: as in the file", CENTRE, LENGTH), ()),
         ("brick.urdf", {"mass": 0.6}, ("inertia: as in the file, times 2", CENTRE, LENGTH), ()),
-        ("brick.yaml", {}, (), ()),
+        ("brick.yaml", {}, (FOLLOWED,), ()),
     ],
 )
 def test_a_description_says_how_it_was_understood(
@@ -294,6 +295,24 @@ def test_a_mass_that_is_given_scales_the_inertia_of_the_file(files: dict[str, Pa
     for name in ("brick.urdf", "brick.xml", "brick.yaml"):
         body = Body.from_file(files[name], mass=2.0 * MASS)
         np.testing.assert_allclose(body.inertia, 2.0 * np.diag(INERTIA), atol=1e-12)
+
+
+def test_a_centre_of_mass_beside_the_tracked_frame_is_said_of_a_listed_shape(tmp_path: Path) -> None:
+    file = tmp_path / "box.yaml"
+    file.write_text(
+        "name: box\nhalf_extents: [0.05, 0.04, 0.03]\nmass: 0.4\nfriction: 0.3\ncenter_of_mass: [0.02, -0.01, 0.0]\n"
+    )
+    found = "centre of mass: at {} mm in the frame that the tracker follows"
+    assert found.format("(20, -10, 0)") in read_description(file).notes
+    moved = BodyOptions(center_of_mass=np.array([0.0, 0.0, 0.005]))
+    assert found.format("(0, 0, 5)") in read_description(file, moved).notes
+
+
+def test_a_name_that_yaml_takes_for_a_truth_value_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "box.yaml"
+    file.write_text("name: off\nhalf_extents: [0.05, 0.04, 0.03]\nmass: 0.4\nfriction: 0.3\n")
+    with pytest.raises(UnreadableInputError, match="name: found False, expected a text"):
+        read_description(file)
 
 
 @pytest.mark.parametrize("weight", [BodyOptions(mass=0.8), BodyOptions(density=0.8 / (0.1 * 0.08 * 0.06))])
