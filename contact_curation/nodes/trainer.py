@@ -100,7 +100,9 @@ class Trainer(StageNode):
             self._warnings.note("bad buffer", str(error))
             return
         self._stamped = stamped_of(message.header)
-        self._stage.follow(SelectedSet(message.revision, message.tosses_seen, tuple(message.toss_ids)))
+        chosen_by, version = f"{message.criterion} {message.capacity}", message.parameters_version
+        ids = tuple(message.toss_ids)
+        self._stage.follow(SelectedSet(message.revision, message.tosses_seen, ids, chosen_by, version))
         self._fetch.ask()
         self._training.want()
         self._say_if_it_rests()

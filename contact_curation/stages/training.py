@@ -2,7 +2,7 @@
 
 A round takes the newest selected set whose tosses are all there, gives it the protocol's budget of gradient steps, and ends
 with new parameters. These change the ranking, thus the selected set, thus the next round. So that it comes to rest, only so
-many rounds may follow one another without a toss that is new to the curator.
+many rounds may follow one another without news: a toss that is new to the curator, or another way in which it selects.
 
 The checkpoint holds the training in the middle of a round, and which round that is; the tosses are in a store of its own, and
 with them a `TrainingRecord` for whoever supervises.
@@ -43,11 +43,15 @@ class SelectedSet(NamedTuple):
         revision: of the buffer.
         tosses_seen: how many it was chosen from.
         toss_ids: best first.
+        chosen_by: criterion and number of tosses, in words; empty where they are not known.
+        version: of the theta that the tosses were ranked at.
     """
 
     revision: int
     tosses_seen: int
     toss_ids: tuple[str, ...]
+    chosen_by: str = ""
+    version: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,8 @@ class RoundsConfig:
 
     Attributes:
         least_tosses: a round needs at least this many selected tosses.
-        settling_rounds: rounds that may follow one another without a toss that is new to the curator.
+        settling_rounds: rounds that may follow one another without a toss that is new to the curator or a change of how it
+            selects.
         slice_steps: gradient steps between two checks for new messages.
         checkpoint_steps: gradient steps between two checkpoints within a round.
     """
@@ -79,9 +84,10 @@ class Round:
         number: from 1.
         revision: of the buffer that it trains on.
         tosses_seen: by the curator, then.
-        settling: how many rounds since a toss was new, this one included; 0 when one was.
+        settling: how many rounds since there was news, this one included; 0 when there was.
         toss_ids: it trains on.
         earlier_ids: that rounds before it trained on, and it does not.
+        chosen_by: as of the selected set.
     """
 
     number: int = 0
@@ -90,6 +96,7 @@ class Round:
     settling: int = 0
     toss_ids: tuple[str, ...] = ()
     earlier_ids: tuple[str, ...] = ()
+    chosen_by: str = ""
 
 
 class Moment(NamedTuple):
@@ -145,6 +152,7 @@ class TrainingStage:
         self._checkpoint = checkpoint
         self._made_of = made_of
         self._wanted: SelectedSet | None = None
+        self._chosen_anew = False
         self._training: Training | None = None
         self._round = Round()
         self._record = load_record(tosses.states.load, TrainingRecord)
@@ -191,8 +199,13 @@ class TrainingStage:
         return () if self._wanted is None else tuple(one for one in self._wanted.toss_ids if not self._tosses.contains(one))
 
     def follow(self, selected: SelectedSet) -> None:
-        """Trains on this set from the next round on."""
-        self._wanted = selected
+        """Trains on this set from the next round on.
+
+        Where neither the tosses nor theta have changed and others are selected, the curator was told to select otherwise.
+        """
+        before, self._wanted = self._wanted, selected
+        if before is not None and (before.version, before.tosses_seen) == (selected.version, selected.tosses_seen):
+            self._chosen_anew |= bool(selected.version) and set(before.toss_ids) != set(selected.toss_ids)
         self._note()
 
     def add(self, toss: Toss) -> None:
@@ -246,15 +259,18 @@ class TrainingStage:
             return False
         if set(wanted.toss_ids) == set(self._round.toss_ids):
             return False
-        return self._has_new_toss(wanted) or self._round.settling < self._rounds.settling_rounds
+        return self._is_news(wanted) or self._round.settling < self._rounds.settling_rounds
 
-    def _has_new_toss(self, wanted: SelectedSet) -> bool:
-        return wanted.tosses_seen > self._round.tosses_seen
+    def _is_news(self, wanted: SelectedSet) -> bool:
+        """Whether the set follows from a new toss or from another choice, and not from the last round's theta alone."""
+        chosen_otherwise = self._round.chosen_by not in ("", wanted.chosen_by)
+        return self._chosen_anew or chosen_otherwise or wanted.tosses_seen > self._round.tosses_seen
 
     def _start_round(self) -> None:
         wanted = self._wanted
         assert wanted is not None  # a round is due
-        settling = 0 if self._has_new_toss(wanted) else self._round.settling + 1
+        settling = 0 if self._is_news(wanted) else self._round.settling + 1
+        self._chosen_anew = False
         data = self._data(wanted.toss_ids)
         if self._training is None:
             model = self._begin(Rows(data.before, data.after, data.dt))
@@ -264,7 +280,7 @@ class TrainingStage:
         seen = max(wanted.tosses_seen, self._round.tosses_seen)
         before = {*self._round.toss_ids, *self._round.earlier_ids} - set(wanted.toss_ids)
         earlier = () if self._config.exact else tuple(sorted(before))  # an exact round forgets what was before
-        self._round = Round(self._round.number + 1, wanted.revision, seen, settling, wanted.toss_ids, earlier)
+        self._round = Round(self._round.number + 1, wanted.revision, seen, settling, wanted.toss_ids, earlier, wanted.chosen_by)
         self._save()
 
     def _data(self, toss_ids: tuple[str, ...]) -> Transitions:

@@ -152,6 +152,25 @@ def test_the_loop_comes_to_rest_when_no_new_toss_comes(tmp_path: Path, store: To
     assert [moment.round.settling for moment in until_idle(training)] == [0]
 
 
+def test_tosses_that_are_selected_in_another_way_are_trained_on_after_the_loop_came_to_rest(
+    tmp_path: Path, store: TossStore
+) -> None:
+    for toss in tosses():
+        store.add(toss)
+    training = stage(tmp_path, store)
+    for revision in range(6):
+        training.follow(chosen(revision, 6, 0, 1 + revision % 2)._replace(chosen_by="trace 2", version=str(revision)))
+        until_idle(training)
+    assert training.round.settling == 2
+    training.follow(chosen(6, 6, 0, 3)._replace(chosen_by="trace 2", version="5"))  # of another prior, say
+    assert [moment.round.settling for moment in until_idle(training)] == [0]
+    again = stage(tmp_path, store)
+    again.follow(chosen(7, 6, 0, 3, 4)._replace(chosen_by="trace 3", version="6"))  # while it was away
+    assert [moment.round.settling for moment in until_idle(again)] == [0]
+    again.follow(chosen(8, 6, 0, 3)._replace(chosen_by="trace 3", version="7"))
+    assert [moment.round.settling for moment in until_idle(again)] == [1]
+
+
 def noted(store: TossStore) -> TrainingRecord:
     """What a supervisor reads."""
     record = load_record(store.states.load, TrainingRecord)
