@@ -1,9 +1,10 @@
 """Computes poses of the body and of the board in the camera from tag detections, separately for each image.
 
 An image without tags of the body gives a bad pose with the reason, and so a gap; nothing is interpolated. Images that come
-before the first CameraInfo wait for it, so that the order in which the two topics arrive makes no difference.
+before the first CameraInfo of their camera wait for it, so that the order in which the topics arrive makes no difference.
 """
 
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -35,6 +36,9 @@ LEAST_BASELINE = 1e-5
 MOST_WAITING = 4096
 """Largest number of images that wait for the first CameraInfo."""
 
+PATIENCE_NS = 2_000_000_000
+"""By their stamps, for which images wait for the CameraInfo of their camera where those of others came."""
+
 
 class TagDetections:
     """Reads the detections of one topic.
@@ -52,10 +56,11 @@ class TagDetections:
         self._rectified = rectified
         self._any_frame = any_frame
         self._cameras: dict[str, Pinhole] = {}
-        self._waiting: list[Any] = []
+        self._waiting = deque[Any]()
+        self._without_camera: set[str] = set()
 
     def calibrated(self, message: Any) -> tuple[Measured, ...]:
-        """Takes a CameraInfo; returns the poses of images that waited for the first one."""
+        """Takes a CameraInfo; returns the poses of images that waited for the first one of their camera."""
         frame = self.rig.body.frame
         try:
             if self._rectified and self.rig.board is None:
@@ -63,22 +68,31 @@ class TagDetections:
             self._cameras[_frame_of(message)] = pinhole_of(message, rectified=self._rectified)
         except InvalidValueError as error:
             return (BadPose(stamp_ns_of(message.header), frame, f"camera: {error}", "camera"),)
-        waiting, self._waiting = self._waiting, []
-        return tuple(measured for one in waiting for measured in self.detected(one))
+        return self._ready()
 
     def detected(self, message: Any) -> tuple[Measured, ...]:
-        """The poses in an AprilTagDetectionArray, the board's first; none before the first CameraInfo."""
-        if self._cameras:
-            return self._poses(message)
-        if len(self._waiting) < MOST_WAITING:
-            self._waiting.append(message)
-            return ()
-        why = f"camera: found no CameraInfo for {MOST_WAITING} images, expected one"
-        return (BadPose(stamp_ns_of(message.header), self.rig.body.frame, why, "camera"),)
+        """The poses in an AprilTagDetectionArray, the board's first, after those of images that waited before it."""
+        if len(self._waiting) >= MOST_WAITING:
+            why = f"camera: found no CameraInfo for {MOST_WAITING} images, expected one"
+            return (BadPose(stamp_ns_of(message.header), self.rig.body.frame, why, "camera"),)
+        self._waiting.append(message)
+        return self._ready()
 
-    def _poses(self, message: Any) -> tuple[Measured, ...]:
+    def _ready(self) -> tuple[Measured, ...]:
+        """The poses of images that wait for nothing any more, in their order."""
+        poses: list[Measured] = []
+        while self._waiting:
+            first, frame = self._waiting[0], _frame_of(self._waiting[0])
+            camera = of_frame(self._cameras, frame, any_frame=self._any_frame)
+            if camera is None and frame not in self._without_camera:
+                if not self._cameras or stamp_ns_of(self._waiting[-1].header) - stamp_ns_of(first.header) < PATIENCE_NS:
+                    break
+                self._without_camera.add(frame)
+            poses += self._poses(self._waiting.popleft(), camera)
+        return tuple(poses)
+
+    def _poses(self, message: Any, camera: Pinhole | None) -> tuple[Measured, ...]:
         stamp_ns, parent, found = stamp_ns_of(message.header), _frame_of(message), detected_tags(message)
-        camera = of_frame(self._cameras, parent, any_frame=self._any_frame)
         if camera is None:
             there = ", ".join(f"'{name}'" for name in sorted(self._cameras)[:MOST_IDS])
             wanted = f"'{parent}', as of the detections: name its topic (poses.camera_info) if it is of this camera"

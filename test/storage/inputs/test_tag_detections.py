@@ -17,7 +17,14 @@ from contact_curation.motion.pose_stream import BadPose, FramePose
 from contact_curation.motion.tags.pose import TagPoseConfig
 from contact_curation.storage.inputs.pose_messages import ODOMETRY, TF
 from contact_curation.storage.inputs.pose_source import PoseSource, PoseTopicConfig, TypedTopic, find_pose_source
-from contact_curation.storage.inputs.tag_detections import CAMERA_INFO, DETECTIONS, MOST_WAITING, TagDetections, pinhole_of
+from contact_curation.storage.inputs.tag_detections import (
+    CAMERA_INFO,
+    DETECTIONS,
+    MOST_WAITING,
+    PATIENCE_NS,
+    TagDetections,
+    pinhole_of,
+)
 from test.storage.test_tag_map_file import SHIPPED
 from test.tag_scene import BOARD, CAMERA, RIG, array_message, info_message, scene
 
@@ -80,6 +87,19 @@ def test_images_wait_for_the_first_camera_info_and_give_what_they_would_have() -
     assert [early.detected(message) for message in messages] == [(), (), ()]
     assert early.calibrated(info_message()) == tuple(one for message in messages for one in late.detected(message))
     assert early.calibrated(info_message()) == ()
+
+
+@pytest.mark.parametrize("other_first", [False, True])
+def test_images_wait_for_their_own_camera_where_that_of_another_one_comes_first(*, other_first: bool) -> None:
+    early, late, other = reader(ready=False), reader(), info_message()
+    other.header.frame_id = "other"
+    messages = [array_message(stamp, scene(TRUE)) for stamp in (1, 2, 3)]
+    if other_first:
+        assert early.calibrated(other) == ()
+    assert [early.detected(message) for message in messages] == [(), (), ()]
+    assert early.calibrated(other) == ()
+    assert early.calibrated(info_message()) == tuple(one for message in messages for one in late.detected(message))
+    assert early.detected(messages[0]) == late.detected(messages[0])
 
 
 def test_without_any_camera_info_images_are_given_up_after_a_while() -> None:
@@ -153,7 +173,10 @@ def test_each_frame_has_its_camera_and_detections_of_another_frame_have_none() -
     expected = reader().detected(array_message(1, scene(TRUE)))
     assert two.detected(array_message(1, scene(TRUE))) == expected
     assert two.detected(array_message(1, scene(TRUE), "other")) != expected
-    (bad,) = two.detected(array_message(1, scene(TRUE), "third"))
+    assert two.detected(array_message(1, scene(TRUE), "third")) == ()  # its camera may be said yet
+    bad, *others = two.detected(array_message(1 + PATIENCE_NS, scene(TRUE), "third"))
+    assert len(others) == 1
+    assert len(two.detected(array_message(2 + PATIENCE_NS, scene(TRUE), "third"))) == 1  # and is not waited for again
     assert isinstance(bad, BadPose)
     assert (bad.kind, bad.child) == ("camera", "body_cube")
     assert "found CameraInfo of frame 'camera', 'other', expected 'third'" in bad.why
