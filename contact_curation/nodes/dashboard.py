@@ -32,7 +32,7 @@ from contact_curation.nodes.messages.headers import check_format, nanoseconds_of
 from contact_curation.nodes.messages.shown import first_theta, healths_of, selected_set_of, theta_of, throw_made_of, training_of
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_information import INFORMATION, information_of
-from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.body_parameter import declared_body_and_params
 from contact_curation.nodes.ros.catch_up import PERIOD, Source
 from contact_curation.nodes.ros.follow import HELD, Follow
 from contact_curation.nodes.ros.health import Health, HealthReport, awaited
@@ -57,9 +57,9 @@ class Dashboard(StageNode):
 
     def __init__(self) -> None:
         super().__init__("dashboard")
-        self._body = declared_body(self)
+        about_params = "theta to begin with: JSON file or checkpoint; empty: the body as described"
+        self._body, parameters = declared_body_and_params(self, about_params)
         loss = declare_config(self, replace(DEFAULT_LOSS, threads=1), "loss.")
-        parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
         self._limit = declare(
             self, "queue", 512, "largest number of waiting messages; further ones are dropped", bounds=(1, 1 << 20)
         )

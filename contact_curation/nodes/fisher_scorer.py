@@ -23,7 +23,7 @@ from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_in
 from contact_curation.nodes.messages.toss_information import information_message
-from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.body_parameter import declared_body_and_params
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
@@ -47,9 +47,9 @@ class FisherScorer(StageNode):
 
     def __init__(self) -> None:
         super().__init__("fisher_scorer")
-        self._body = declared_body(self)
+        about_params = "theta to begin with: JSON file or checkpoint; empty: the body as described"
+        self._body, parameters = declared_body_and_params(self, about_params)
         config = declare_config(self, ScoringConfig(form=Form.RIGID, loss=replace(DEFAULT_LOSS, threads=1)))
-        parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: the body as described")
         store = Path(declare(self, "store", "information.sqlite", "file that stores information"))
         theta = theta_of_geometry(ContactGeometry.of_body(self._body))
         if parameters:

@@ -21,7 +21,7 @@ from contact_curation.nodes.messages.headers import Stamped, check_format, nanos
 from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.throw import executed_throw_of, throw_message
 from contact_curation.nodes.messages.toss_information import INFORMATION, information_of
-from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.body_parameter import declared_body_and_params
 from contact_curation.nodes.ros.catch_up import CatchUp
 from contact_curation.nodes.ros.design_parameters import declared_design, declared_loop, declared_thrower
 from contact_curation.nodes.ros.health import Health, HealthReport
@@ -53,9 +53,9 @@ class ThrowDesigner(StageNode):
 
     def __init__(self) -> None:
         super().__init__("throw_designer")
-        self._body = declared_body(self)
+        about_params = "theta to begin with: JSON file or checkpoint; empty: none yet"
+        self._body, parameters = declared_body_and_params(self, about_params)
         config, prior = declared_design(self), published_prior(declare_config(self, PriorConfig(), "prior."))
-        parameters = declare(self, "params", "", "theta to begin with: JSON file or checkpoint; empty: none yet")
         store = Path(declare(self, "store", "throws.sqlite", "file that stores throws, theta and gains"))
         self._board_frame = declare(self, "board_frame", "body_surface", "frame that throws are given in")
         declare(self, "auto", False, "make one throw after the other", fixed=False)

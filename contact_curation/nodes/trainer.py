@@ -17,13 +17,13 @@ from contact_curation.nodes.messages.headers import Stamped, check_format, stamp
 from contact_curation.nodes.messages.model_parameters import model_message
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.training_status import status_message, waiting_message
-from contact_curation.nodes.ros.body_parameter import declared_body
+from contact_curation.nodes.ros.body_parameter import declared_body_and_params
 from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
 from contact_curation.nodes.ros.parameters import declare, declare_config
 from contact_curation.nodes.ros.qos import latched
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
-from contact_curation.nodes.ros.training_parameters import declared_first_model, declared_held_out, declared_protocol
+from contact_curation.nodes.ros.training_parameters import declared_held_out, declared_protocol, first_model_of
 from contact_curation.nodes.ros.worker import Latest, Worker
 from contact_curation.nodes.toss_fetch import TossFetch
 from contact_curation.stages.held_out_tosses import HeldOutErrors
@@ -40,12 +40,13 @@ class Trainer(StageNode):
 
     def __init__(self) -> None:
         super().__init__("trainer")
-        self._body = declared_body(self)
+        about_params = "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation"
+        self._body, parameters = declared_body_and_params(self, about_params)
         kind = declare(self, "model", DEFAULT_MODEL, "model to train", choices=list(MODELS))
         protocol = declared_protocol(self, kind)
         rounds = declare_config(self, RoundsConfig())
         seed = declare(self, "seed", 0, "random seed of the initialisation and the shuffles", bounds=(0, 1 << 31))
-        first, self._body = declared_first_model(self, kind, self._body, protocol, seed)
+        first, self._body = first_model_of(parameters, kind, self._body, protocol, seed)
         self._held_out = declared_held_out(self, self._body)
         store = Path(declare(self, "store", "trainer.sqlite", "file that stores fetched tosses"))
         checkpoint = declare(

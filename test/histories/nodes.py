@@ -225,7 +225,7 @@ def in_one_process() -> Iterator[None]:
         curator: {"INFORMATION": replace(INFORMATION, page=2), "information_of": _information_of},
         trainer: {
             "declared_protocol": lambda node, _: numbers.Script(node._process.parameters["exact"]),
-            "declared_first_model": lambda node, kind, body, *_: (lambda _: numbers.ThetaModel(0), body),
+            "first_model_of": lambda path, kind, body, *_: (lambda _: numbers.ThetaModel(0), body),
             "declared_held_out": lambda *_: _NoTosses(),
             "toss_of": lambda message: message.toss,
             "model_version": lambda model: numbers.version(model.number),
@@ -256,7 +256,8 @@ def in_one_process() -> Iterator[None]:
     for node in (fisher_scorer, curator, trainer, throw_designer):
         others = {"Worker": Hand, "HealthReport": lambda *_: None}
         others |= {"declare_config": _declared} if node is not throw_designer else {}
-        replaced = {**replaced, node: {**replaced[node], **others, "declared_body": lambda _: numbers.BODY}}
+        one, both = {"declared_body": lambda _: numbers.BODY}, {"declared_body_and_params": lambda *_: (numbers.BODY, "")}
+        replaced = {**replaced, node: {**replaced[node], **others, **(one if node is curator else both)}}
     with ExitStack() as stack:
         for owner, values in replaced.items():
             for name, value in values.items():

@@ -76,15 +76,21 @@ def declared_protocol(node: Node, kind: str) -> TrainingConfig:
     )
 
 
-def declared_first_model(
-    node: Node, kind: str, body: Body, protocol: TrainingConfig, seed: int
+def first_model_of(
+    path: str, kind: str, body: Body, protocol: TrainingConfig, seed: int
 ) -> tuple[Callable[[Rows], Model], Body]:
     """Returns a function that makes the initial model, from a file or `learning.training.plan.first_model`, and its body.
+
+    Args:
+        path: of the file, the parameter `params`; empty for none.
+        kind: of the model.
+        body: that was declared.
+        protocol: of a round.
+        seed: of a random initialisation.
 
     Raises:
         ContactCurationError: the file contains no model of this kind.
     """
-    path = declare(node, "params", "", "theta to begin with: a JSON file or a checkpoint; empty: the random initialisation")
     protocol.shape_of(body)  # refuses what is no length of it
     if not path:
         return lambda data: first_model(kind, body, protocol, data, seed), body
