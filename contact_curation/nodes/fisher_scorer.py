@@ -57,6 +57,10 @@ class FisherScorer(StageNode):
         self._informations = InformationStore(store)
         self._informations.claim()
         self._stage = ScoringStage(self._body, config, self._informations, theta)
+        if parameters and self._stage.keeps_newer:
+            self.get_logger().warning(
+                f"params: the store keeps newer parameters than those of {parameters}, and they count; name another store"
+            )
         self._warnings = ThrottledWarnings(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", latched(RESULTS_DEPTH))
         while missed := self._stage.unannounced(LARGEST_PAGE):

@@ -70,6 +70,10 @@ class ThrowDesigner(StageNode):
         self._states = StateStore(store)
         self._states.claim()
         self._stage = DesignStage(self._body, config, self._states, geometry, prior, declared_thrower(self, self._body))
+        if parameters and self._stage.keeps_newer:
+            self.get_logger().warning(
+                f"params: the store keeps newer parameters than those of {parameters}, and they count; name another store"
+            )
         self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop = ThrowLoop(self._stage, loop, self._now)

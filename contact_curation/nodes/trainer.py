@@ -67,6 +67,8 @@ class Trainer(StageNode):
             Path(checkpoint or store.with_suffix(".safetensors")),
             made_of(kind, self._body),
         )
+        if number := self._stage.round.number:
+            self.get_logger().info(f"goes on from round {number} of its checkpoint; seed and params are for a new one")
         self._warnings = ThrottledWarnings(self)
         self._stamped = Stamped(0, "")
         self._kind, self._loss = kind, protocol.loss

@@ -87,6 +87,9 @@ class DesignStage:
         geometry: theta to begin with; None for none.
         prior: where releases are drawn from.
         feasible: what the thrower says; None where it can throw anything.
+
+    Attributes:
+        keeps_newer: whether another theta than the given one is taken, because the store has kept it.
     """
 
     def __init__(
@@ -111,6 +114,7 @@ class DesignStage:
         forget_theta_of_another_body(states, body, THETA)
         known = states.load(THETA)
         theta = geometry_of_bytes(known) if known else geometry
+        self.keeps_newer = bool(known) and geometry is not None and known != bytes_of_geometry(geometry)
         if theta is not None:
             self._take_up(self._designer.particle(theta))
 

@@ -67,6 +67,9 @@ class ScoringStage:
         informations: where results, theta and the place in the stream are stored.
         theta: where no newer one is kept.
 
+    Attributes:
+        keeps_newer: whether another theta than the given one is taken, because the store has kept it.
+
     Raises:
         InvalidValueError: the store holds results of the same theta that were made in another way.
     """
@@ -79,6 +82,7 @@ class ScoringStage:
         forget_theta_of_another_body(self._states, body, PARAMETERS, MODEL, *NOTHING_NEXT)
         stored, model = self._states.load(PARAMETERS), self._states.load(MODEL) or theta.model.encode()
         known = ScoredTheta(model.decode(), stored) if stored else theta
+        self.keeps_newer = known != theta
         self._scorer = self._checked(scorer_of(known, body, config))
         self._begun: BegunToss | None = None
         self._foreseen: _Foreseen | None = None

@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import pytest
 import rclpy
 import yaml
+from contact_curation_msgs.msg import ModelParameters
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -19,18 +20,21 @@ from contact_curation.nodes.ros.health import (
     LONGEST_PAUSE,
     LOOKS,
     PERIOD,
+    RIVALS_AFTER,
     Flow,
     Flowing,
     Health,
     HealthReport,
+    Rivals,
     Waiting,
     awaited,
     key_of,
     node_of,
 )
-from contact_curation.nodes.ros.qos import profile
+from contact_curation.nodes.ros.qos import latched, profile
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.session.free_domain import free_domain
+from test.graph.parts.graph import until
 
 
 class Log:
@@ -153,3 +157,25 @@ def test_a_warning_says_that_something_is_dropped_only_where_it_is() -> None:
     warnings.note("throw not made", "again", dropped=False)
     assert lines == ["bad toss: body: found brick; dropped", "throw not made: the thrower rejected the goal"]
     assert warnings.counts == {"bad toss": 1, "throw not made": 2}
+
+
+def test_another_publisher_of_a_result_is_said_where_it_stays() -> None:
+    with free_domain() as domain:
+        context = rclpy.Context()
+        rclpy.init(context=context, domain_id=domain)
+        try:
+            one, other = (Node(name, context=context, enable_rosout=False) for name in ("trainer", "trainer_2"))
+            one.create_publisher(ModelParameters, "model_parameters", latched(1))
+            one.create_publisher(DiagnosticArray, "/diagnostics", latched(1))
+            other.create_publisher(DiagnosticArray, "/diagnostics", latched(1))
+            rivals = Rivals(one)
+            assert {rivals.look() for _ in range(2 * RIVALS_AFTER)} == {""}
+            second = other.create_publisher(ModelParameters, "model_parameters", latched(1))
+            until(lambda: one.count_publishers("model_parameters") == 2, 30.0, "the other publisher")
+            assert {rivals.look() for _ in range(RIVALS_AFTER - 1)} == {""}
+            assert "found others that publish /model_parameters (2 times), expected this node alone" in rivals.look()
+            other.destroy_publisher(second)
+            until(lambda: one.count_publishers("model_parameters") == 1, 30.0, "its end")
+            assert rivals.look() == ""
+        finally:
+            rclpy.shutdown(context=context)

@@ -91,6 +91,8 @@ def test_theta_is_trusted_when_tosses_fit_it_and_the_theta_before_it_was_like_it
 def test_a_theta_of_another_body_is_forgotten(states: StateStore) -> None:
     DesignStage(CUBE, CONFIG, states).renew(NEARLY.geometry)
     assert DesignStage(CUBE, CONFIG, states).version == NEARLY.version
+    given = [DesignStage(CUBE, CONFIG, states, geometry) for geometry in (TRUE, NEARLY.geometry, None)]
+    assert [(one.version, one.keeps_newer) for one in given] == [(NEARLY.version, new) for new in (True, False, False)]
     assert DesignStage(replace(CUBE, mass=2.0 * CUBE.mass), CONFIG, states).version == ""
 
 

@@ -352,11 +352,13 @@ def test_a_curator_that_was_started_with_another_body_by_mistake_is_told_everyth
 def test_another_body_on_the_same_store_is_scored_at_its_own_theta_and_not_at_what_was_learned(tmp_path: Path) -> None:
     with scoring(tmp_path) as scorer:
         first = scorer.version
+        assert not scorer.keeps_newer
         scorer.renew(theta_of_geometry(LARGER))
         scorer.postpone(theta_of_geometry(replace(CUBE, height=0.01)))
         learned = scorer.version
     with scoring(tmp_path) as scorer:
         assert scorer.version == learned
+        assert scorer.keeps_newer
         assert scorer.postponed is not None
     heavier = replace(CONTACTNETS_CUBE, mass=2.0 * CONTACTNETS_CUBE.mass)
     with scoring(tmp_path, heavier) as scorer:

@@ -23,6 +23,12 @@ PERIOD = 1.0
 FIRST_WORD, LONGEST_PAUSE = 5.0, 600.0
 """Time before a node logs what it waits for, and longest time between two such lines [s]."""
 
+RIVALS_AFTER = 30
+"""Reports for which another publisher must be there: Fast DDS counts that of a killed node for 20 s more."""
+
+RESULTS = "contact_curation_msgs."
+"""Modules of the messages in which nodes publish results."""
+
 LOOKS = 4
 """Number of intervals of `Flow`: poses may wait for transforms for a while."""
 
@@ -130,6 +136,30 @@ class Waiting:
             self._due = self._now() + self._pause
 
 
+class Rivals:
+    """Notices another publisher of a result that its subscribers take from one node alone, as of a node that runs twice.
+
+    Args:
+        node: node with the results.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._reports = 0
+
+    def look(self) -> str:
+        """What is wrong, if it has been so for a while; empty for nothing. It is logged once."""
+        topics = [one.topic_name for one in self._node.publishers if one.msg_type.__module__.startswith(RESULTS)]
+        doubled = [f"{topic} ({count} times)" for topic in topics if (count := self._node.count_publishers(topic)) > 1]
+        self._reports = self._reports + 1 if doubled else 0
+        if self._reports < RIVALS_AFTER:
+            return ""
+        words = f"found others that publish {', '.join(doubled)}, expected this node alone: end them, or rename their topics"
+        if self._reports == RIVALS_AFTER:
+            self._node.get_logger().warning(words)
+        return words
+
+
 class HealthReport:
     """Publishes the health that `look` returns once a second.
 
@@ -145,6 +175,7 @@ class HealthReport:
         self._look = look
         self._name = f"{node.get_fully_qualified_name().lstrip('/')}: {about}"
         self._body = body
+        self._rivals = Rivals(node)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._waiting = Waiting(node.get_logger().info, lambda: float(steady.now().nanoseconds) / NANOSECONDS)
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", profile(10, reliable=True, latched=False))
@@ -152,6 +183,8 @@ class HealthReport:
 
     def _report(self) -> None:
         health = self._look()
+        if rivals := self._rivals.look():
+            health = health._replace(message=f"{health.message}; {rivals}", warning=True)
         self._waiting.look(health.waiting_for)
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if health.warning else DiagnosticStatus.OK,
