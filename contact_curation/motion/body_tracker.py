@@ -41,7 +41,7 @@ MOST_LISTED = 8
 MOST_PARENTS = 16
 """Frames that the body is measured in, one after the other or in turn, as by several cameras; the last ones count."""
 MOST_UNPLACED = 200_000
-"""Poses of a recording that wait for the board: 20 minutes at 148 Hz, and some 100 MB."""
+"""Poses of a recording that wait for the board, and of frames that may lead there: 20 minutes at 148 Hz, and some 100 MB."""
 
 SHORT_HISTORY = 256
 """Poses that a frame remembers that is not needed so far: it may turn out to stand between the body and the board."""
@@ -263,7 +263,10 @@ class BodyTracker:
         link = self._tree.links.get(measured.child)
         if link is not None and not link.static and link.newest_ns - measured.stamp_ns > self.config.clock_jump * NANOSECONDS:
             self._tree.forget_after(measured.stamp_ns)
-        self._tree.take(measured, HISTORY if measured.child in self.needed_frames else SHORT_HISTORY)
+        history = HISTORY if measured.child in self.needed_frames else SHORT_HISTORY
+        if self._waiting and self._board_may_come:  # then poses of long ago are placed
+            history = max(history, MOST_UNPLACED // max(len(self._tree.links), 1))
+        self._tree.take(measured, history)
         self._moving = self._tree.moving_ancestor(self.config.body_frame)
 
     def _known(self) -> list[TrackerEvent]:

@@ -71,6 +71,21 @@ def test_a_camera_that_moves_between_the_frames_is_interpolated() -> None:
     assert_poses(tracked(measured), TRUTH)
 
 
+def test_where_a_camera_was_is_remembered_until_a_recording_says_late_what_leads_to_the_board() -> None:
+    """The lens is fixed to a camera that moves; that and the board's place are logged after all poses."""
+    camera = {number: ScalarPose((0.02 * number, 1.0, 0.5), yawed(0.03 * number)) for number in range(-1, 3000)}
+    lens = ScalarPose((0.0, 0.0, 0.02), yawed(0.5))
+    measured: list[FramePose] = []
+    for number, pose in camera.items():
+        stamp_ns = TRUTH[0].stamp_ns + number * PERIOD_NS
+        measured.append(FramePose(stamp_ns, "map", "camera", pose))
+        if 0 <= number < len(TRUTH):
+            seen = compose(inverse(compose(pose, lens)), compose(BOARD, TRUTH[number].pose))
+            measured.append(FramePose(stamp_ns, "lens", "body_cube", seen))
+    measured += [FramePose(0, "camera", "lens", lens, static=True), board_in_map()]
+    assert_poses(tracked(measured, TrackerConfig("body_cube", recorded=True)), TRUTH)
+
+
 def test_the_body_may_hang_under_a_tag_that_is_measured() -> None:
     tag_on_body = ScalarPose((0.0, 0.05, 0.0), yawed(1.0))
     static = FramePose(0, "tag_3", "body_cube", inverse(tag_on_body), static=True)
