@@ -61,6 +61,7 @@ class FisherScorer(StageNode):
             self.get_logger().warning(
                 f"params: the store keeps newer parameters than those of {parameters}, and they count; name another store"
             )
+        self._published_version = ""
         self._warnings = ThrottledWarnings(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", latched(RESULTS_DEPTH))
         while missed := self._stage.unannounced(LARGEST_PAGE):
@@ -115,6 +116,7 @@ class FisherScorer(StageNode):
         """Takes a new theta; all tosses are scored again once they are scored at the present one. On the worker's thread."""
         try:
             theta = theta_in(message, self._body)
+            self._published_version = message.version
             if not self._tosses.complete:
                 self._stage.postpone(theta)
                 return
@@ -135,6 +137,13 @@ class FisherScorer(StageNode):
         except InvalidValueError as error:
             self._warnings.note("bad parameters", str(error))
             return
+        if self._published_version not in ("", self._stage.version):
+            self._warnings.note(
+                "other body",
+                f"parameters of {self._body.name}: found version {self._published_version}, expected {self._stage.version}: "
+                "give all nodes the same body (mass, inertia, corners)",
+                dropped=False,
+            )
         if renewed:
             self.get_logger().info(f"scoring at theta {self._stage.version} from now on")
             self._tosses.restart()
