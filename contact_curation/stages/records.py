@@ -98,12 +98,20 @@ class AnnouncedTosses:
 
 @dataclass(frozen=True)
 class ScorerPosition:
-    """What the scorer has scored: every toss up to the cursor, at this version of theta, by this loss; empty: not known."""
+    """What the scorer has scored: every toss up to the cursor, at this version of theta.
+
+    Attributes:
+        version: of theta.
+        cursor: after the last toss.
+        loss: by which, in words; empty where it is not known.
+        compression: of the factors, likewise.
+    """
 
     KEY: ClassVar = "cursor"
     version: str
     cursor: Cursor
     loss: str = ""
+    compression: str = ""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ announced again.
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from contact_curation.configs import fields_of
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.information.network.model_scorer import TossScorer
@@ -89,11 +90,15 @@ class ScoringStage:
         position = load_record(self._states.load, ScorerPosition)
         if position is not None and position.version != self.version:  # started with another body, or other parameters
             self._score_anew()
-        elif position is not None and position.loss:
-            own, kept = (dict(word.split("=") for word in words.split()) for words in (config.loss.in_words, position.loss))
-            for name, value in own.items():
-                if kept.get(name, value) != value:
-                    raise InvalidValueError(f"loss.{name}", value, f"{kept[name]}, as in the store, or another store")
+        elif position is not None:
+            for words, kept_words, prefix in (
+                (config.loss.in_words, position.loss, "loss."),
+                (self._compressed, position.compression, "compression."),
+            ):
+                own, kept = (dict(word.split("=") for word in one.split()) for one in (words, kept_words))
+                for name, value in own.items():
+                    if kept.get(name, value) != value:
+                        raise InvalidValueError(prefix + name, value, f"{kept[name]}, as in the store, or another store")
         informations.reach_disk()  # what was stored and not announced will be
 
     @property
@@ -204,7 +209,13 @@ class ScoringStage:
 
     def advance(self, cursor: Cursor) -> None:
         """Remembers that every toss up to the cursor was scored at this theta."""
-        self._states.save(stored_records(ScorerPosition(self.version, cursor, self._config.loss.in_words)))
+        position = ScorerPosition(self.version, cursor, self._config.loss.in_words, self._compressed)
+        self._states.save(stored_records(position))
+
+    @property
+    def _compressed(self) -> str:
+        """How factors are compressed, a word for each field."""
+        return " ".join(f"{field.path}={field.default}" for field in fields_of(self._config.compression))
 
     @property
     def last_sequence(self) -> int:

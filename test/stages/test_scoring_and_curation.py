@@ -172,7 +172,7 @@ def test_results_made_in_two_ways_do_not_go_into_one_store(tmp_path: Path) -> No
         ScoringStage(CONTACTNETS_CUBE, other, informations, theta_of_geometry(CUBE))
 
 
-def test_results_by_two_losses_do_not_go_into_one_store_however_they_are_computed(tmp_path: Path) -> None:
+def test_results_by_two_losses_or_compressions_do_not_go_into_one_store_however_they_are_computed(tmp_path: Path) -> None:
     config = ScoringConfig(form=Form.RIGID)
     published, otherwise = (replace(config, loss=LossConfig(**changed)) for changed in ({"balanced": False}, {"threads": 1}))
     with scoring(tmp_path, config=config) as stage:
@@ -185,6 +185,10 @@ def test_results_by_two_losses_do_not_go_into_one_store_however_they_are_compute
         InvalidValueError, match=r"^loss\.balanced: found false, expected true, as in the store, or another"
     )
     with refused, scoring(tmp_path, config=published):
+        pass
+    coarse = replace(config, compression=replace(config.compression, max_rows=4))
+    refused = pytest.raises(InvalidValueError, match=r"^compression\.max_rows: found 4, expected 24, as in the store")
+    with refused, scoring(tmp_path, config=coarse):
         pass
     with store(tmp_path) as informations:  # of an earlier version, which did not say its loss
         informations.states.save(stored_records(ScorerPosition(version, Cursor(1, TOSSES[0].toss_id))))
