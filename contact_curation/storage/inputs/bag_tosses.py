@@ -303,6 +303,8 @@ class BagTosses:
 
     def rest(self) -> Iterator[Found]:
         """What the end of the bag completes."""
+        if self._detections is not None:
+            yield from self.taken(self._detections.ended(), self.source.body.name)
         yield from self._found(self._ingest.flush())
 
     def left_out(self) -> Iterator[str]:

@@ -78,14 +78,19 @@ class TagDetections:
         self._waiting.append(message)
         return self._ready()
 
-    def _ready(self) -> tuple[Measured, ...]:
+    def ended(self) -> tuple[Measured, ...]:
+        """The poses of images that wait at the end of a recording for a CameraInfo that does not come."""
+        return self._ready(ended=True)
+
+    def _ready(self, *, ended: bool = False) -> tuple[Measured, ...]:
         """The poses of images that wait for nothing any more, in their order."""
         poses: list[Measured] = []
         while self._waiting:
             first, frame = self._waiting[0], _frame_of(self._waiting[0])
             camera = of_frame(self._cameras, frame, any_frame=self._any_frame)
             if camera is None and frame not in self._without_camera:
-                if not self._cameras or stamp_ns_of(self._waiting[-1].header) - stamp_ns_of(first.header) < PATIENCE_NS:
+                waited_ns = stamp_ns_of(self._waiting[-1].header) - stamp_ns_of(first.header)
+                if not self._cameras or (waited_ns < PATIENCE_NS and not ended):
                     break
                 self._without_camera.add(frame)
             poses += self._poses(self._waiting.popleft(), camera)

@@ -102,6 +102,16 @@ def test_images_wait_for_their_own_camera_where_that_of_another_one_comes_first(
     assert early.detected(messages[0]) == late.detected(messages[0])
 
 
+def test_images_that_wait_for_a_camera_at_the_end_of_a_recording_keep_no_others_back() -> None:
+    early, late = reader(), reader()
+    assert early.detected(array_message(1, scene(TRUE), "other")) == ()
+    assert early.detected(array_message(2, scene(TRUE))) == ()
+    bad, *poses = early.ended()
+    assert isinstance(bad, BadPose)
+    assert tuple(poses) == late.detected(array_message(2, scene(TRUE)))
+    assert early.ended() == ()
+
+
 def test_without_any_camera_info_images_are_given_up_after_a_while() -> None:
     waiting = reader(ready=False)
     for stamp in range(MOST_WAITING):
