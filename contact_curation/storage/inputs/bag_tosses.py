@@ -333,7 +333,9 @@ class BagTosses:
         if not self._ingest.counts["tosses"] + self._ingest.counts["rejected"]:
             seen = ", ".join(sorted(name for name in self._frames if name)[:MOST_LISTED]) or "no frame"
             wanted = MOTION if poses else f": found {seen}, expected frames {self.source.body_frame} and {self._board}"
-            if not poses and self.source.other_tags:
+            if not poses and self._bad and self._parent is None:
+                wanted = ", since all were left out"
+            elif not poses and self.source.other_tags:
                 wanted += f", or poses of tags from {' or '.join(self.source.other_tags)} (--topic)"
             elif not poses:
                 wanted += " (--body-frame, --board-frame)"

@@ -364,6 +364,13 @@ def test_poses_that_are_none_are_told_by_kind_and_break_their_toss(tmp_path: Pat
     assert (summary.counts["pose"], summary.counts["stamp"]) == (1, 1)
 
 
+def test_where_every_pose_is_none_no_frames_are_asked_for(tmp_path: Path) -> None:
+    nowhere = ScalarPose((0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 0.0))
+    broken = [replace(one, pose=nowhere) for one in ON_BOARD]
+    _, last = lines(opened(write_ours(tmp_path / "a.mcap", recorded("/pose", POSE, broken)))[0])
+    assert last.endswith("found no toss in 0 poses of /pose, since all were left out")
+
+
 def test_a_bag_that_defines_odometry_its_own_way_is_read_as_far_as_it_goes(tmp_path: Path) -> None:
     class Strange:
         header = None
