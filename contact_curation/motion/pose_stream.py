@@ -58,10 +58,10 @@ class BadPose:
         stamp_ns: its header stamp.
         child: frame it was meant for.
         why: one line.
-        kind: "pose" where it is none, "array" where several may be it, "name" where none is called so, "twice" where several
-            are, "static" where it is no static transform, "stamp" where its time cannot be, "frame" where nothing leads from
-            its frame to the board's, "jump" where the body cannot have come so far; of tags also "camera" and the kinds of
-            `motion.tags.pose`.
+        kind: "pose" where it is none, "far" where it is too far off, "array" where several may be it, "name" where none is
+            called so, "twice" where several are, "static" where it is no static transform, "stamp" where its time cannot be,
+            "frame" where nothing leads from its frame to the board's, "jump" where the body cannot have come so far; of tags
+            also "camera" and the kinds of `motion.tags.pose`.
     """
 
     stamp_ns: int
@@ -90,7 +90,7 @@ def checked_pose(
         why = f"quaternion norm{of}: found {norm:.6g}, expected 1 within {QUATERNION_TOLERANCE}"
         return BadPose(stamp_ns, child, why, kind)
     if max(abs(x), abs(y), abs(z)) > FARTHEST:
-        return BadPose(stamp_ns, child, f"position: found {(x, y, z)}, expected one within {FARTHEST:g} m")
+        return BadPose(stamp_ns, child, f"position: found {(x, y, z)}, expected one within {FARTHEST:g} m", "far")
     return FramePose(stamp_ns, parent, child, ScalarPose((x, y, z), (w, qx, qy, qz)), static)
 
 

@@ -12,11 +12,9 @@ from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.carried_body import GivenBody, body_of
 from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.datasets.orientations import ROUNDED, of_quaternion
 from contact_curation.storage.datasets.pose_bag import PoseWriter
 from contact_curation.storage.saved_path import saved_path
-
-UNIT = 0.01
-"""Largest distance of a quaternion's length from 1."""
 
 
 def write_poses(
@@ -34,7 +32,7 @@ def write_poses(
         path: of the bag, ``*.mcap``.
         times: (T,) of the poses, from 0 on, ascending [s].
         positions: (T, 3) of the body's frame, z up and 0 on the board [m].
-        orientations_wxyz: (T, 4) unit quaternions that take the body's frame to the board's.
+        orientations_wxyz: (T, 4) unit quaternions that take the body's frame to the board's; three decimals will do.
         body: the tracked object, or its file; only its name counts.
         overwrite: whether to replace a file that is there.
 
@@ -69,11 +67,11 @@ def write_poses(
     if stamps_ns and stamps_ns[0] < 0:
         raise InvalidValueError("times", f"{stamps[0]:.9g} s", "times of at least 0 s")
     off = np.linalg.norm(turns, axis=1) - 1.0
-    if np.any(np.abs(off) > UNIT):
-        raise InvalidValueError("orientations_wxyz", f"length {1.0 + off[np.abs(off).argmax()]:.3g}", "unit quaternions")
+    if np.any(np.abs(off) >= ROUNDED):
+        raise InvalidValueError("orientations_wxyz", f"length {1.0 + off[np.abs(off).argmax()]:.4g}", "unit quaternions")
     stamped = (
-        (stamp_ns, ScalarPose((x, y, z), (qw, qx, qy, qz)))
-        for stamp_ns, (x, y, z), (qw, qx, qy, qz) in zip(stamps_ns, places.tolist(), turns.tolist())
+        (stamp_ns, ScalarPose((x, y, z), of_quaternion(turn)))
+        for stamp_ns, (x, y, z), turn in zip(stamps_ns, places.tolist(), turns.tolist())
     )
     with BagWriter(saved_path(path, (".mcap",), overwrite=overwrite)) as bag:
         return PoseWriter(bag, body_of(body)).write(stamped)

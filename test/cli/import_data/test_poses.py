@@ -249,6 +249,9 @@ def test_poses_in_arrays_are_written_likewise(poses: Poses, tosses: cc.Tosses, t
     check_same(cc.read(out, CONTACTNETS_CUBE), tosses)
     with pytest.raises(InvalidValueError, match="overwrite=True"):
         cc.write_poses(out, times, lost, poses.orientations_wxyz, CONTACTNETS_CUBE)
+    rounded = np.round(poses.orientations_wxyz, 3)
+    cc.write_poses(out, times, lost, rounded, CONTACTNETS_CUBE, overwrite=True)
+    assert len(cc.read(out, CONTACTNETS_CUBE).accepted) == len(tosses.accepted)
 
 
 @pytest.mark.parametrize(
@@ -267,6 +270,7 @@ def test_poses_in_arrays_are_written_likewise(poses: Poses, tosses: cc.Tosses, t
             np.zeros((2, 4)),
             "orientations_wxyz: found length 0, expected unit quaternions",
         ),
+        ([0.0], np.zeros((1, 3)), [[1.004, 0, 0, 0]], "orientations_wxyz: found length 1.004, expected unit quaternions"),
         ([], np.zeros((0, 3)), np.zeros((0, 4)), "at least one pose"),
     ],
 )

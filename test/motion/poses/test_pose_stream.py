@@ -49,7 +49,7 @@ def test_what_is_no_pose_says_why(
 ) -> None:
     checked = checked_pose(7, "map", "body", position, orientation)
     assert isinstance(checked, BadPose)
-    assert (checked.stamp_ns, checked.child, checked.kind) == (7, "body", "pose")
+    assert (checked.stamp_ns, checked.child, checked.kind) == (7, "body", "far" if "within 1e+06 m" in why else "pose")
     assert why in checked.why
 
 

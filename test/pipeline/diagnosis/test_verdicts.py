@@ -58,6 +58,12 @@ def test_the_first_line_names_the_fault(session: Session, tmp_path: Path, name: 
     assert found.next.startswith("contact-curation ")
 
 
+def test_positions_on_a_map_grid_are_told_from_other_bad_poses(session: Session, tmp_path: Path) -> None:
+    write(tmp_path / "a.mcap", session.moved(lambda positions: positions + np.array([5e5, 5.4e6, 0.0])))
+    verdict = diagnosed(tmp_path / "a.mcap", BY_NAME["sound"]).verdict
+    assert "expected one within 1e+06 m: give positions from an origin near the board" in verdict
+
+
 @pytest.mark.parametrize("name", ["10 mm low", "tilted 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
 def test_its_settings_mend_what_they_can(cli: Cli, session: Session, tmp_path: Path, name: str) -> None:
     bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME[name], simulated_session() if name.startswith("marker") else session)

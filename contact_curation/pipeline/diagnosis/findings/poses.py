@@ -29,6 +29,7 @@ BLURRED = 2.0
 
 REMEDIES = {
     "pose": "publish unit quaternions, and nothing where the tracker has no pose",
+    "far": "give positions from an origin near the board, in metres",
     "name": "name the body's with --body-frame, or record it whole",
     "twice": "give each tag or body another id or name",
     "array": "say --set poses.array_index=N, counted from 0",
