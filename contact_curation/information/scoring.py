@@ -6,7 +6,7 @@ depends on where the board's origin lies; `pool` brings them to a common pivot.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -30,6 +30,11 @@ from contact_curation.motion.transitions import Transitions, transitions_of
 STORED = np.float32
 """Of a factor's numbers, the most of what stays of a toss: half the room, and no selected set of the real tosses changes by it
 (`benchmarks.selection.rank_compression`). Rounded once, here, so that whoever ranks, in any process, ranks the same numbers."""
+
+
+FAR = 1024.0
+"""Characteristic lengths: a multiple of it is taken off positions so far from the ground's pivot, whose lever on the tilt would
+round off all else. Nearer ones keep their digits."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +175,7 @@ class Scorer:
         fishers = self.form.chart.T @ sums.fishers @ self.form.chart  # one product per toss: the same digits in any batch
         score_sums = np.stack([row @ self.form.chart for row in sums.score_sums])
         if self.form.tilt_axes.size:
-            shifts = (centroids - self.geometry.pivot) @ self.form.tilt_axes.T
+            shifts = (centroids - self._far_off(tosses) - self.geometry.pivot) @ self.form.tilt_axes.T
             fishers, score_sums = about_centroids(fishers, score_sums, self.blocks, shifts)
         factors = factors_of_fishers(0.5 * (fishers + fishers.transpose(0, 2, 1)), self.config.compression)
         stored = [factor.astype(STORED) for factor in factors]
@@ -183,7 +188,15 @@ class Scorer:
         for toss in tosses:
             if toss.body != self.body.name:
                 raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, self.body.name)
-        return as_described(transitions_of(tosses, self.body.length_scale), self.geometry, self.body)
+        rows = as_described(transitions_of(tosses, self.body.length_scale), self.geometry, self.body)
+        far = np.repeat(np.pad(self._far_off(tosses), ((0, 0), (0, 10))), np.diff(rows.starts), axis=0)
+        return replace(rows, before=rows.before - far, after=rows.after - far) if far.any() else rows
+
+    def _far_off(self, tosses: Sequence[Toss]) -> Array:
+        """(K, 3) along the ground, what is taken off the positions of each toss [characteristic lengths]."""
+        axes = self.form.tilt_axes.reshape(-1, 3)
+        first = np.array([toss.positions[0] / self.body.length_scale for toss in tosses])
+        return FAR * np.rint((first - self.geometry.pivot) @ axes.T / FAR) @ axes
 
     def _sums(self, rows: Transitions, estimator: Estimator | None) -> FisherSums:
         return fisher_sums(

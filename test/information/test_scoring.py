@@ -72,6 +72,19 @@ def test_it_does_not_matter_about_which_point_the_plane_is_written(estimator: Es
         np.testing.assert_allclose(one.fisher(), other.fisher(), atol=SINGLE * one.trace)
 
 
+@pytest.mark.parametrize("form", [Form.RIGID, Form.PHYSICAL])
+def test_a_board_far_from_the_origin_changes_no_information(form: Form) -> None:
+    config = ScoringConfig(form=form)
+    far = tuple(replace(toss, positions=toss.positions + np.array([9e5, -7e5, 0.0])) for toss in TOSSES)
+    for one, other in zip(scored(TRUE, config), scored(TRUE, config, far), strict=True):
+        np.testing.assert_allclose(one.fisher(), other.fisher(), atol=1e-4 * one.trace)
+        np.testing.assert_allclose(one.score_sum, other.score_sum, atol=1e-4 * np.abs(one.score_sum).max())
+    scorer = Scorer(TRUE, CUBE, config)
+    begun = scorer.begin(unfinished(far[0]))
+    assert begun is not None
+    assert_same_bits(begun.score(far[0]), scorer.score(far[:1])[0])
+
+
 def test_a_toss_is_scored_alike_alone_and_among_others() -> None:
     together, alone = scored(TRUE, ScoringConfig()), [scored(TRUE, ScoringConfig(), (toss,))[0] for toss in TOSSES]
     for one, other in zip(together, alone, strict=True):

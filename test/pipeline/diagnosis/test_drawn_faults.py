@@ -15,6 +15,7 @@ from benchmarks.data.thrown_bodies import bodies
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
+from contact_curation.geometry import quaternions
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.survey.falls import survey
 from contact_curation.motion.survey.series import series_of
@@ -88,6 +89,22 @@ def test_poses_that_are_made_up_while_the_object_is_hidden_are_named(
     assert named, found
     assert ("one frame" if frames == 1 else f"up to {frames} frames") in named[0]
     assert "publish nothing where the object is not seen" in named[0]
+
+
+@pytest.mark.parametrize(("millimetres", "degrees"), [(3.0, 0.0), (0.3, 0.0), (0.0, 0.5)])
+def test_two_cameras_that_disagree_are_named(millimetres: float, degrees: float, session: Session, tmp_path: Path) -> None:
+    def change(made: Session, rng: np.random.Generator) -> Session:
+        poses, turn = made.poses.copy(), quaternions.exp([0.0, 0.0, np.radians(degrees)])
+        poses[1::2, 0] += 1e-3 * millimetres
+        poses[1::2, 3:] = quaternions.multiply(np.broadcast_to(turn, poses[1::2, 3:].shape), poses[1::2, 3:])
+        return replace(made, poses=poses)
+
+    fault = Fault("two cameras", change, "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    named = [line for line in (found.verdict, *found.reasons) if "two cameras that disagree?" in line]
+    assert named, found
+    size = f"{degrees:g} degrees" if degrees else f"{millimetres:g} mm"
+    assert size in named[0], named
 
 
 @pytest.mark.parametrize(

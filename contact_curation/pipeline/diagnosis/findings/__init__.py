@@ -40,6 +40,7 @@ FINDINGS: tuple[Find, ...] = (
     smoothing.interpolated,
     stamps.jitter,
     stamps.by_turns,
+    stamps.disagreeing,
     poses.frames_are_lost,
     stamps.closed_up,
     gravity.nothing_moves,

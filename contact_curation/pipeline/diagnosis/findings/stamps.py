@@ -1,12 +1,15 @@
 """Header stamps: zero, standing still, going back, too seldom, not when the poses were taken, or closed up over lost frames."""
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.pose_stream import LOWEST_RATE
 from contact_curation.motion.scales import scale_of
 from contact_curation.motion.survey.lost_frames import lost_frames
-from contact_curation.motion.survey.series import WIDEST_STEP
+from contact_curation.motion.survey.series import WIDEST_STEP, PoseSeries
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -22,6 +25,9 @@ FEWEST_CLOSED_UP, MOST_CLOSED_UP = 2, 0.05
 """Places at which frames are lost: fewer are no word worth; more, for each motion, are a fault."""
 
 APART = "where they disagree, record a topic for each, and choose by --topic"
+
+WINDOW, STILL, CERTAIN = 8, 0.02, 6.0
+"""Steps, and speed [m/s], at which a body lies still, and by how many standard errors its poses then alternate."""
 
 WRITTEN = 1e-3
 """Stamps that were written at a rate are even to this share of a period; those of a tracker are not."""
@@ -121,6 +127,34 @@ def by_turns(evidence: Evidence) -> Finding | None:
     setting = f"segmenter.largest_gap={np.ceil(10.0 * pair / short - 9.0) / 10.0:.1f}"
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
     return Finding(severity, what, f"say --set {setting}; {APART}", settings=(setting,))
+
+
+def disagreeing(evidence: Evidence) -> Finding | None:
+    """Two cameras by turns that see a body that lies still at two places: its poses alternate from frame to frame."""
+    found = [_alternations(one) for _, one in evidence.series if len(one) > WINDOW + 1]
+    windows = [np.concatenate(parts) for parts in zip(*found)]
+    means = [window.mean(axis=2) for window in windows]
+    errors = [np.sqrt(window.var(axis=2).mean(axis=1) / WINDOW) for window in windows]
+    apart = [np.linalg.norm(mean, axis=1) for mean in means]
+    if not any(len(size) and np.mean(size > CERTAIN * error) > 0.5 for size, error in zip(apart, errors)):
+        return None
+    place, turn = (float(np.median(size)) for size in apart)
+    what = f"bodies that lie still move to and fro by {1e3 * place:.2g} mm and {np.degrees(turn):.2g} degrees"
+    severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+    return Finding(severity, f"{what} from frame to frame: two cameras that disagree?", "record a topic for each")
+
+
+def _alternations(series: PoseSeries) -> tuple[Array, Array]:
+    """(N, 3, WINDOW) of displacements [m] and of turns [rad], every second one reversed, where a body lies still."""
+    moved, orientations = np.diff(series.positions, axis=0), series.orientations_wxyz
+    turned = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations[:-1]), orientations[1:]))
+    pairs = series.positions[1:] + series.positions[:-1]  # in which two cameras cancel
+    speeds = np.linalg.norm(pairs[WINDOW - 1 :] - pairs[: 1 - WINDOW], axis=1) / (2.0 * (WINDOW - 1) * series.period)
+    sound = (series.steps < WIDEST_STEP * series.period) & moved.any(axis=1)
+    still = sliding_window_view(sound, WINDOW).all(axis=1) & (speeds < STILL)
+    signs = (-1.0) ** np.arange(WINDOW)
+    moves, turns = (signs * sliding_window_view(each, WINDOW, axis=0)[still] for each in (moved, turned))
+    return moves, turns
 
 
 def closed_up(evidence: Evidence) -> Finding | None:
