@@ -11,6 +11,7 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope, box
 from contact_curation.geometry.solids.shapes import cylinder
 from contact_curation.motion.survey.series import PoseSeries
+from contact_curation.pipeline.diagnosis import diagnose
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
 from contact_curation.pipeline.diagnosis.findings.body import other_shape, round_side
@@ -20,7 +21,10 @@ from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
 from contact_curation.pipeline.diagnosis.findings.tosses import never_at_rest
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.pipeline.recordings.poses import write_poses
+from contact_curation.simulation.world import WorldConfig, free_motion
 from test.motion.survey.rigs import FLYING, GRAVITY, RATE, Rig, Throws, recorded
+from test.simulated import RIG_NOISE, release_states, with_noise
 
 SLAB = box([0.06, 0.04, 0.025])
 BODY = Body("slab", SLAB.vertices, 0.3, CONTACTNETS_CUBE.inertia, 0.3, 0.05)
@@ -116,3 +120,22 @@ def test_a_round_body_that_rests_between_the_faces_of_its_corners_is_named_with_
     assert found.settings[1] == "gates.rest_tilt=0.24"
     assert other_shape(seen) is None
     assert round_side(evidence(recorded(SLAB, Rig(), Throws(20)))) is None
+
+
+def test_a_die_that_falls_from_a_centimetre_is_not_smoothed(tmp_path: Path) -> None:
+    """Impacts so slow are soft, and falls so short show no gravity; all the same they are tosses."""
+    small = 0.004 / CONTACTNETS_CUBE.length_scale
+    die = Body("die", box([0.004] * 3).vertices, 0.001, np.full(3, 1.07e-8), 0.2, 0.004)
+    rng = np.random.default_rng(0)
+    units = np.repeat([small, 1.0, small**0.5, small**-0.5], [3, 4, 3, 3])
+    motions = [
+        with_noise(free_motion(die, release, 90, 1.0 / 148.0, WorldConfig.of_body(die)), RIG_NOISE, rng)
+        for release in release_states(10, rng) * units
+    ]
+    times = np.concatenate([number * 3.0 + np.arange(90) / 148.0 for number in range(10)])
+    states = np.concatenate(motions)
+    write_poses(tmp_path / "a.mcap", times, states[:, :3], states[:, 3:7], die)
+    found = diagnose([tmp_path / "a.mcap"], ReadingConfig(die))
+    assert found.ok, found
+    assert not any("smoothed" in line for line in found.reasons), found
+    assert "falls are too short to measure gravity by" in found.verdict
