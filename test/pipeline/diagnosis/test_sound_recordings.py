@@ -1,5 +1,6 @@
 """A board that is not level is named; caught bodies and simulated poses without noise are not taken for faults."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
 from contact_curation.pipeline.diagnosis.findings.body import other_shape, round_side
 from contact_curation.pipeline.diagnosis.findings.poses import outliers
-from contact_curation.pipeline.diagnosis.findings.rig import incline
+from contact_curation.pipeline.diagnosis.findings.rig import height, incline
 from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
 from contact_curation.pipeline.diagnosis.findings.tosses import never_at_rest
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -24,7 +25,7 @@ from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.recordings.poses import write_poses
 from contact_curation.simulation.world import WorldConfig, free_motion
 from test.motion.survey.rigs import FLYING, GRAVITY, RATE, Rig, Throws, recorded
-from test.simulated import RIG_NOISE, release_states, with_noise
+from test.simulated import RIG_NOISE, release_states, simulated_tosses, with_noise
 
 SLAB = box([0.06, 0.04, 0.025])
 BODY = Body("slab", SLAB.vertices, 0.3, CONTACTNETS_CUBE.inertia, 0.3, 0.05)
@@ -120,6 +121,21 @@ def test_a_round_body_that_rests_between_the_faces_of_its_corners_is_named_with_
     assert found.settings[1] == "gates.rest_tilt=0.24"
     assert other_shape(seen) is None
     assert round_side(evidence(recorded(SLAB, Rig(), Throws(20)))) is None
+
+
+def test_bodies_that_fall_off_a_board_on_which_others_rest_set_no_height_of_it() -> None:
+    series = recorded(SLAB, Rig(), Throws(20))
+    for number, one in enumerate(series[:14]):
+        fallen = one.positions - np.array([0.0, 0.0, 0.7])
+        series[number] = PoseSeries(one.stamps_ns, fallen, one.orientations_wxyz)
+    others = Evidence(ReadingConfig(BODY), (Recording("a", series=tuple(series)),))
+    assert (found := height(others)) is not None
+    assert found.rig is not None
+    outcomes = tuple(replace(one, body="slab") for one in simulated_tosses(2, 1))
+    beside = Evidence(ReadingConfig(BODY), (Recording("a", series=tuple(series), outcomes=outcomes),))
+    assert (found := height(beside)) is not None
+    assert found.rig is None
+    assert "and 2 tosses on it: do bodies fall off the board? record throws that stay on it" in found.line
 
 
 def test_a_die_that_falls_from_a_centimetre_is_not_smoothed(tmp_path: Path) -> None:

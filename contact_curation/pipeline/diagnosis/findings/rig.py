@@ -12,6 +12,7 @@ from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.body import other_shape, other_size
 from contact_curation.pipeline.reading import center_of_mass_option
+from contact_curation.pipeline.wording import counted_tosses
 
 LARGEST_TILT, LARGEST_HEIGHT, LARGEST_SCALE = 0.75, 0.0025, 0.025
 """Degrees, m, share: what is more is a fault; what is less but certain is worth settings."""
@@ -44,6 +45,10 @@ def height(evidence: Evidence) -> Finding | None:
         return None
     where = "under" if found.value < 0.0 else "over"
     what = f"bodies at rest lie {1e3 * abs(found.value):.1f} mm {where} the board ({_range(1e3 * found.low, 1e3 * found.high)})"
+    if evidence.tosses and abs(found.value) > np.ptp(evidence.body.vertices, axis=0).max():  # tosses rest on the board
+        severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
+        on_it = f"{what}, and {counted_tosses(len(evidence.tosses))} on it: do bodies fall off the board?"
+        return Finding(severity, on_it, "record throws that stay on it")
     return _finding(evidence, rig, abs(found.value) > LARGEST_HEIGHT, f"{what}: board height or body size off?")
 
 

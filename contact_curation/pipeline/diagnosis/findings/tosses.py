@@ -78,9 +78,10 @@ def rejected(evidence: Evidence) -> Finding | None:
     first = counts.most_common(1)[0][0]
     what = f"{len(evidence.rejected)} of {len(evidence.outcomes)} motions rejected: {'; '.join(parts)}"
     hint = HINTS.get(first, "")
-    if first in DEEP and evidence.rests_on_board:
+    if first in DEEP and (evidence.rests_on_board or evidence.tosses):
         widths = _depth(first, reasons[first]) / np.ptp(evidence.body.vertices, axis=0).max()
-        hint = FALLEN if widths > 1.0 else MADE_UP if widths > DEEPEST else SOFT
+        lying = (MADE_UP if widths > DEEPEST else SOFT) if evidence.rests_on_board else hint
+        hint = FALLEN if widths > 1.0 else lying
     if not evidence.mostly_rejected:
         alike = sum(count for name, count in counts.items() if HINTS.get(name) == HINTS.get(first))
         return Finding(Severity.FACT, what, hint if alike >= MANY * len(evidence.outcomes) else "")
