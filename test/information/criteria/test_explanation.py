@@ -13,8 +13,8 @@ from test.information.pools import tosses
 POOL = pool_of(tosses(9, 4, 3, seed=5))
 
 
-def explained(criterion: str, top: int) -> tuple[Explanation, Mapping[str, float]]:
-    config = RankingConfig(criterion, top=top)
+def explained(criterion: str, top: int, normalisation: str = "sum") -> tuple[Explanation, Mapping[str, float]]:
+    config = RankingConfig(criterion, top=top, normalisation=normalisation)
     entries = rank(POOL.infos, config).entries
     selected = {entry.toss_id: entry.marginal_gain for entry in entries if entry.selected}
     return explanation(criterion, POOL, selected, config), selected
@@ -47,6 +47,14 @@ def test_a_criterion_without_reasons_of_its_own_names_the_place(criterion: str) 
     found, selected = explained(criterion, 2)
     assert [found.reasons[one] for one in selected] == [f"selected: place {place} by {criterion}" for place in (1, 2)]
     assert {found.reasons[one] for one in set(POOL.ids) - set(selected)} == {f"not selected: {criterion} has 2 better"}
+
+
+@pytest.mark.parametrize("normalisation", ["sum", "mean", "coherent"])
+def test_trace_says_below_which_of_its_traces_a_toss_is(normalisation: str) -> None:
+    found, selected = explained("trace", 3, normalisation)
+    name = "trace" if normalisation == "sum" else f"{normalisation} trace"
+    (said,) = {found.reasons[one] for one in set(POOL.ids) - set(selected)}
+    assert said == f"not selected: {name} below {min(selected.values()):.3g}"
 
 
 def test_what_one_toss_alone_determines_is_told_without_a_number_of_twenty_digits() -> None:
