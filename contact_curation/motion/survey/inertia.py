@@ -14,6 +14,7 @@ import numpy as np
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.survey.falls import Flight, Survey
+from contact_curation.motion.survey.mass_centre import certainly_off
 from contact_curation.motion.survey.series import PoseSeries
 
 FEWEST_FLIGHTS, FEWEST_FRAMES = 12, 12
@@ -31,8 +32,8 @@ OUTLYING, ROUNDS = 16.0, 3
 SEEN = 1e-6
 """Share of the largest eigenvalue: smaller ones are those of motions that say nothing of some part."""
 
-CERTAIN = 20.5
-"""The 99.9 % quantile of chi-squared with 5 degrees of freedom."""
+UNKNOWNS = 5
+"""Of the six numbers, whose trace is given."""
 
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Of the six numbers in the matrix."""
@@ -71,8 +72,7 @@ class InertiaShape(NamedTuple):
 
     def differs_from(self, inertia: Array) -> bool:
         """Whether the shape of an inertia (3, 3) is certainly another one."""
-        off = self.values - shape_of(inertia)
-        return float(off @ np.linalg.pinv(self.covariance, rcond=1e-9, hermitian=True) @ off) > CERTAIN
+        return certainly_off(self.values - shape_of(inertia), self.covariance, UNKNOWNS, self.flights - UNKNOWNS)
 
 
 def shape_of(inertia: Array) -> Array:
@@ -101,7 +101,7 @@ def inertia_shape(survey: Survey) -> InertiaShape | None:
         near = squares <= OUTLYING * float(np.median(squares))
         before, used = used, [part for part, is_near in zip(parts, near, strict=True) if is_near]
     pulls = np.array([free.T @ (part.T @ (part @ values)) for part in before])
-    spread = inverse @ (pulls.T @ pulls) @ inverse * len(before) / (len(before) - 5)
+    spread = inverse @ (pulls.T @ pulls) @ inverse * len(before) / (len(before) - UNKNOWNS)
     return InertiaShape(len(before), values, free @ spread @ free.T)
 
 

@@ -17,9 +17,8 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.survey.falls import Flight, Survey
-from contact_curation.motion.survey.rig import Estimate
+from contact_curation.motion.survey.rig import CONFIDENCE, Estimate
 from contact_curation.motion.survey.series import PoseSeries
-from contact_curation.motion.survey.sliding import NORMAL_95
 
 FEWEST_FLIGHTS = 8
 """From which anything is estimated."""
@@ -36,8 +35,11 @@ ROUNDS = 3
 SEEN = 1e-9
 """Share of the largest eigenvalue: along smaller ones nothing is seen, as along the axis of a motion in a plane."""
 
-UNKNOWNS, CERTAIN = 6, 0.999
-"""Of a and d; and the share of squared deviations from 0 by chance that are smaller than one that is taken for certain."""
+UNKNOWNS = 6
+"""Of a and d."""
+
+CERTAIN = 0.999
+"""Share of the squared deviations by chance that are smaller than one that is taken for certain."""
 
 
 class MassCentre(NamedTuple):
@@ -58,9 +60,12 @@ class MassCentre(NamedTuple):
     @property
     def intervals(self) -> tuple[Estimate, Estimate, Estimate]:
         """The place with its 95 % intervals; infinite along an axis of which nothing is seen."""
+        from scipy.special import stdtrit  # takes a quarter of a second to import
+
         sizes, axes = np.linalg.eigh(self.covariance)
         unseen = np.square(axes[:, sizes <= SEEN * sizes.max()]).sum(axis=1) > 0.5
-        half = np.where(unseen, np.inf, NORMAL_95 * np.sqrt(np.diag(self.covariance)))
+        errors = float(stdtrit(max(self.flights - UNKNOWNS, 1), CONFIDENCE))
+        half = np.where(unseen, np.inf, errors * np.sqrt(np.diag(self.covariance)))
         first, second, third = (Estimate(*map(float, one)) for one in zip(self.place, self.place - half, self.place + half))
         return first, second, third
 
@@ -80,14 +85,26 @@ class MassCentre(NamedTuple):
 
     @property
     def is_elsewhere(self) -> bool:
-        """Whether it is certainly not at the origin of the poses; by Hotelling's test, as of few flights it is hard to tell."""
-        from scipy.special import fdtri  # takes a quarter of a second to import
+        """Whether it is certainly not at the origin of the poses."""
+        return certainly_off(self.place, self.covariance, 3, self.flights - UNKNOWNS)
 
-        freedom = self.flights - UNKNOWNS
-        if freedom < 3:
-            return False
-        squared = float(self.place @ np.linalg.pinv(self.covariance, rcond=SEEN, hermitian=True) @ self.place)
-        return squared > 3.0 * freedom / (freedom - 2) * float(fdtri(3, freedom - 2, CERTAIN))
+
+def certainly_off(off: Array, covariance: Array, directions: int, freedom: int) -> bool:
+    """Whether numbers are certainly not 0; by Hotelling's test, as of few flights it is hard to tell.
+
+    Args:
+        off: (n,) the numbers.
+        covariance: (n, n) of them.
+        directions: in which they may differ from 0, at most n.
+        freedom: degrees of freedom of the covariance: flights less unknowns.
+    """
+    from scipy.special import fdtri  # takes a quarter of a second to import
+
+    left = freedom - directions + 1
+    if left < 1:
+        return False
+    squared = float(off @ np.linalg.pinv(covariance, rcond=SEEN, hermitian=True) @ off)
+    return squared > directions * freedom / left * float(fdtri(directions, left, CERTAIN))
 
 
 class Fall(NamedTuple):

@@ -11,7 +11,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.design.throw import throw_of_state
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import box
-from contact_curation.motion.survey.falls import survey
+from contact_curation.motion.survey.falls import Flight, Survey, Throw, survey
 from contact_curation.motion.survey.inertia import inertia_shape, shape_of
 from contact_curation.motion.survey.series import PoseSeries, series_of
 from contact_curation.motion.toss import Toss
@@ -63,6 +63,22 @@ def test_the_shape_of_the_inertia_is_found(name: str, multiple: float) -> None:
 
 def test_a_few_flights_tell_nothing() -> None:
     assert inertia_shape(survey(noisy(thrown("slab")[:6], 1.0))) is None
+
+
+def test_of_few_flights_in_noise_the_right_moments_are_seldom_taken_for_others() -> None:
+    rng, times = np.random.default_rng(0), np.arange(20) / 148.0
+    alarms = 0
+    for _ in range(60):
+        throws, series = [], []
+        for number in range(12):
+            turns = quaternions.exp(np.outer(times, 3.0 * rng.standard_normal(3)))
+            turns = quaternions.multiply(turns, quaternions.exp(0.005 * rng.standard_normal((20, 3))))
+            series.append(PoseSeries((1e9 * times).astype(np.int64), np.zeros((20, 3)), turns))
+            flight = Flight(number, 0, 20)
+            throws.append(Throw((flight,), None, flight, np.array([0.0, 0.0, -9.81])))
+        found = inertia_shape(Survey(tuple(series), 0.0, None, tuple(throws), 0.0))
+        alarms += found is not None and found.differs_from(np.eye(3))
+    assert alarms <= 1
 
 
 def test_check_says_where_the_described_moments_are_others() -> None:

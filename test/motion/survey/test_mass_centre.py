@@ -77,3 +77,8 @@ def test_spoilt_flights_are_left_out() -> None:
     found = mass_centre(survey(series))
     assert found is not None
     assert found.place == pytest.approx(OFF, abs=2e-4)
+
+
+def test_intervals_of_few_flights_are_as_wide_as_so_few_make_them() -> None:
+    few = MassCentre(8, np.zeros(3), np.eye(3), np.zeros(3))
+    assert [one.high for one in few.intervals] == pytest.approx([4.3027] * 3, abs=1e-4)  # Student's t of 8 - 6 degrees
