@@ -114,7 +114,7 @@ def _stream(first: Sequence[TossInformation], config: RankingConfig) -> TraceHea
 
 
 def _explain(pool: Pool, selected: Mapping[str, float], config: RankingConfig) -> Explanation:
-    smallest = min(toss_trace(info, config.normalisation) for info in pool.infos if info.toss_id in selected)
+    smallest = min(selected.values())
     what = "trace" if config.normalisation == "sum" else f"{config.normalisation} trace"
     return by_log_det(pool, selected, config, place_by(TRACE.name), lambda gain: f"not selected: {what} below {smallest:.3g}")
 

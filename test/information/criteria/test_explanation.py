@@ -7,7 +7,7 @@ import pytest
 from contact_curation.information.criteria.criterion import Explanation
 from contact_curation.information.criteria.explanation import explanation
 from contact_curation.information.pool import pool_of
-from contact_curation.information.ranker import RankingConfig, rank
+from contact_curation.information.ranker import RankingConfig, rank, rank_particles
 from test.information.pools import tosses
 
 POOL = pool_of(tosses(9, 4, 3, seed=5))
@@ -55,6 +55,15 @@ def test_trace_says_below_which_of_its_traces_a_toss_is(normalisation: str) -> N
     name = "trace" if normalisation == "sum" else f"{normalisation} trace"
     (said,) = {found.reasons[one] for one in set(POOL.ids) - set(selected)}
     assert said == f"not selected: {name} below {min(selected.values()):.3g}"
+
+
+def test_of_several_thetas_the_smallest_selected_trace_is_the_mean_that_ranks() -> None:
+    other = pool_of(tosses(9, 4, 3, seed=6))
+    config = RankingConfig("trace", top=3)
+    selected = {one.toss_id: one.marginal_gain for one in rank_particles([POOL, other], config).entries if one.selected}
+    found = explanation("trace", POOL, selected, config)
+    (said,) = {found.reasons[one] for one in set(POOL.ids) - set(selected)}
+    assert said == f"not selected: trace below {min(selected.values()):.3g}"
 
 
 def test_what_one_toss_alone_determines_is_told_without_a_number_of_twenty_digits() -> None:
