@@ -16,6 +16,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
 from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.survey.falls import survey
 from contact_curation.motion.survey.series import series_of
@@ -105,6 +106,20 @@ def test_two_cameras_that_disagree_are_named(millimetres: float, degrees: float,
     assert named, found
     size = f"{degrees:g} degrees" if degrees else f"{millimetres:g} mm"
     assert size in named[0], named
+
+
+def test_rounded_poses_that_jump_to_and_fro_are_not_of_two_cameras(session: Session, tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+
+    def published(poses: Array) -> Array:
+        rounded = np.round(poses[:, :3], 3)
+        lies = np.all(np.diff(rounded, axis=0, prepend=rounded[:1]) == 0.0, axis=1)
+        rounded[lies, 0] += 1e-3 * rng.integers(0, 2, np.count_nonzero(lies))  # between two steps of the rounding
+        return np.concatenate([rounded, poses[:, 3:]], axis=1)
+
+    fault = Fault("rounded", fixed.published(published), "")
+    found = diagnosed(spoilt_bag(tmp_path / "a.mcap", fault, session), fault)
+    assert not any("two cameras" in line for line in (found.verdict, *found.reasons)), found
 
 
 @pytest.mark.parametrize(

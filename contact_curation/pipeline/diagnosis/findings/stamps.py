@@ -150,7 +150,7 @@ def _alternations(series: PoseSeries) -> tuple[Array, Array]:
     turned = quaternions.log(quaternions.multiply(quaternions.conjugate(orientations[:-1]), orientations[1:]))
     pairs = series.positions[1:] + series.positions[:-1]  # in which two cameras cancel
     speeds = np.linalg.norm(pairs[WINDOW - 1 :] - pairs[: 1 - WINDOW], axis=1) / (2.0 * (WINDOW - 1) * series.period)
-    sound = (series.steps < WIDEST_STEP * series.period) & moved.any(axis=1)
+    sound = series.steps < WIDEST_STEP * series.period  # also where rounded poses stand still, or only jumps would be left
     still = sliding_window_view(sound, WINDOW).all(axis=1) & (speeds < STILL)
     signs = (-1.0) ** np.arange(WINDOW)
     moves, turns = (signs * sliding_window_view(each, WINDOW, axis=0)[still] for each in (moved, turned))
