@@ -7,7 +7,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from contact_curation.errors import UnreadableInputError
+from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.session.supervisor import Incident
 
 
@@ -43,6 +43,18 @@ class EventLog:
     def count(self, event: str) -> int:
         """How often something happened."""
         return sum(one["event"] == event for one in self.events)
+
+    def throws(self, body: str) -> None:
+        """Notes what is thrown, once: its throws, tosses and model would be mixed with those of another body.
+
+        Raises:
+            InvalidValueError: the session that is gone on with throws another one.
+        """
+        before = next((one["body"] for one in self.events if one["event"] == "body"), None)
+        if before is None:
+            self.note("body", body=body)
+        elif before != body:
+            raise InvalidValueError("--body", body, f"{before}, which the session throws, or a new folder for --record")
 
     def note(self, event: str, **more: Any) -> dict[str, Any]:
         """Something happened, now."""

@@ -85,9 +85,10 @@ def run_session(
     folder.make(resume=config.resume)
     with ExitStack() as running:
         running.enter_context(folder.claimed())
+        events = running.enter_context(EventLog(folder.events, resume=config.resume))
+        events.throws(f"{body.name}, {body.mass:g} kg ({body.digest})")
         write_node_parameters(folder.parameters, parameters)
         write_tag_map(config, body, folder, parameters)
-        events = running.enter_context(EventLog(folder.events, resume=config.resume))
 
         def tell(incident: Incident) -> None:
             events.incident(incident)

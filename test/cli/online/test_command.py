@@ -204,6 +204,17 @@ def test_a_session_goes_on_where_it_was_and_only_where_there_is_one(tmp_path: Pa
     assert [json.loads(line)["event"] for line in lines.splitlines()] == ["throw", "restarted", "throw"]
 
 
+def test_a_session_does_not_go_on_with_another_body(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    with EventLog(folder.events) as events:
+        events.throws("brick, 0.5 kg (12345678)")
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(InvalidValueError, match=r"--body: found cube.*expected brick, 0.5 kg"):
+        run_session(SessionConfig(record=tmp_path, resume=True), folder, (), lambda: True, online._Lines())
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
 def test_throws_that_were_told_of_before_are_not_told_of_again(tmp_path: Path) -> None:
     folder, said = SessionFolder(tmp_path), list[str]()
     folder.make()
