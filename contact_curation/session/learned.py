@@ -97,8 +97,8 @@ def _parameters(
         return None
     with TossStore(folder.store("pose_ingest")) as store:
         tosses = [one.toss for one in store.get(state.tosses)]
-    fitted = [toss for toss in tosses if toss.toss_id in state.buffer.selected]
-    others = [toss for toss in tosses if toss.toss_id not in state.buffer.selected] or list(held_out)
+    fitted = [toss for toss in tosses if toss.toss_id in learned.fitted_to]  # the last selection may be another one
+    others = [toss for toss in tosses if toss.toss_id not in learned.learned_from] or list(held_out)
     interval: float | None = None
     if fitted and others and is_physical(geometry):
         scale = model.body.length_scale

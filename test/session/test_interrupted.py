@@ -7,11 +7,22 @@ from typing import Any
 
 import pytest
 
-from contact_curation.session import report
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.contact.geometry_parameters import ContactGeometry
+from contact_curation.contact.loss_config import DEFAULT_LOSS
+from contact_curation.contact.models.polytope import PolytopeModel
+from contact_curation.contact.parameter_form import Form
+from contact_curation.learning.evaluation.misfit import sliding_of
+from contact_curation.learning.uncertainty.parameters import KnownConfig, known
+from contact_curation.motion.transitions import transitions_of
+from contact_curation.pipeline.learned_model import LearnedModel
+from contact_curation.session import learned, report
 from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.state import SessionState
 from contact_curation.session.summary import SessionSummary, summary_of
 from contact_curation.stages.records import BufferRecord
+from contact_curation.storage.stores.tosses import TossStore
+from test.simulated import simulated_tosses
 
 
 class Ranked:
@@ -70,3 +81,24 @@ def test_a_buffer_that_was_selected_from_fewer_tosses_than_are_scored_is_not_the
     state = SessionState(tosses=("a", "b"), scored=2, ranked=2, buffer=BufferRecord(seen=1))
     assert not state.is_scored
     assert replace(state, buffer=BufferRecord(seen=2)).is_scored
+
+
+def test_the_friction_interval_is_of_what_the_model_learned_from_and_not_of_a_later_selection(tmp_path: Path) -> None:
+    tosses = simulated_tosses(5, seed=3)
+    ids = tuple(toss.toss_id for toss in tosses)
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    with TossStore(folder.store("pose_ingest")) as store:
+        for toss in tosses:
+            store.add(toss)
+    model = PolytopeModel(ContactGeometry.of_body(CONTACTNETS_CUBE), CONTACTNETS_CUBE, Form.RIGID)
+    trained = LearnedModel(model, fitted_to=frozenset(ids[:3]), learned_from=frozenset(ids[:4]))
+    state = SessionState(tosses=ids, buffer=BufferRecord(selected=ids[3:]))
+    found = learned._parameters(trained, folder, state, ())
+    scale = CONTACTNETS_CUBE.length_scale
+    slid = sliding_of((*tosses[:3], *tosses[4:]), CONTACTNETS_CUBE)
+    fitted, others = transitions_of(tosses[:3], scale), transitions_of(tosses[4:], scale)
+    expected = known(model, fitted, others, KnownConfig(DEFAULT_LOSS), slid)
+    assert found is not None
+    assert found.tosses == 3
+    assert found.friction_interval == next(one.interval for one in expected.parameters if one.name == "friction")
