@@ -47,7 +47,6 @@ class ArmStage:
         self._throw: Throw | None = None
         self._begun = False
         self._arming = 0
-        self._released_at = 0.0
         self._stopped_for = ""
 
     @property
@@ -113,11 +112,7 @@ class ArmStage:
             self._stop(self._gate.reason)
         elif simulation.phase is Phase.STOPPED:
             simulation.rearm()
-        free = not simulation.holding
-        frame = simulation.advance()
-        if frame.free and not free:
-            self._released_at = frame.time
-        return frame, self._ending()
+        return simulation.advance(), self._ending()
 
     @property
     def stands_still(self) -> bool:
@@ -137,13 +132,13 @@ class ArmStage:
     def _ending(self) -> Ending | None:
         if self._throw is None or not self._begun:
             return None
-        release = self._simulation.release
+        release, released_at = self._simulation.release, self._simulation.released_at
         executed = None if release is None else self._executed(release)
         if self._simulation.phase is Phase.STOPPED:
             when = "before" if release is None else "after"
-            return self._ended(Ending(False, f"stopped {when} the release: {self._stopped_for}", executed, self._released_at))
+            return self._ended(Ending(False, f"stopped {when} the release: {self._stopped_for}", executed, released_at))
         if self._simulation.phase is Phase.RESTING:
-            return self._ended(Ending(True, f"thrown{self._remarks()}", executed, self._released_at))
+            return self._ended(Ending(True, f"thrown{self._remarks()}", executed, released_at))
         return None
 
     def _remarks(self) -> str:

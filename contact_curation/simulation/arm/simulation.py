@@ -90,6 +90,7 @@ class ArmSimulation:
         self.time = 0.0
         self.phase = Phase.RESTING
         self.release: Array | None = None
+        self.released_at = 0.0
         self.touched = self.gave_way = self.settled = False
         self._reflex = CollisionReflex(config.limits.torque, control.reflex)
         self._yields = self._gone = False
@@ -99,11 +100,6 @@ class ArmSimulation:
         self._still_for, self._free_for = 0.0, 0.0
         self._used = LimitUse(config.limits)
         self._torques = self._worlds.now.data.qfrc_bias.copy()  # the torques that hold the arm's weight at home
-
-    @property
-    def holding(self) -> bool:
-        """Whether the body is in the gripper."""
-        return self._worlds.held
 
     @property
     def rested(self) -> bool:
@@ -283,7 +279,7 @@ class ArmSimulation:
 
     def _open(self) -> None:
         """Opens the gripper: the body becomes free."""
-        self.release = self._worlds.open()
+        self.release, self.released_at = self._worlds.open(), self.time
         self._still_for, self._free_for = 0.0, 0.0
         self._yields = self._gone = False
         self._reflex.forget()
