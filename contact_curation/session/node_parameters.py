@@ -42,6 +42,11 @@ FORMER_NAMES = {
 }
 """Of parameters, with their present ones; they are still taken."""
 
+PLACES = frozenset(
+    ["store", "checkpoint", "state", "bag", "rrd", "body", "tag_map", "topic", "web_port", "grpc_port", "max_throws", "throws"]
+)
+"""Parameters that may change when a session goes on: where things lie, and how many throws it is to have."""
+
 OF_RANKING = ("prior", "cut")
 """Parameters of the curator that the dashboard has to know."""
 
@@ -76,6 +81,16 @@ def session_parameters(config: SessionConfig, body: Body, folder: SessionFolder)
     return {name: values | own.get(name, {}) for name, values in merged.items()}
 
 
+def changed_parameters(before: Mapping[str, Parameters], now: Mapping[str, Parameters]) -> str:
+    """What nodes are told otherwise than before, in words; empty where nothing is."""
+    changes = []
+    for node in sorted(set(before) & set(now)):
+        for name in sorted({*before[node], *now[node]} - PLACES):
+            was, is_now = (_value(each, node, name) for each in (before, now))
+            changes += [f"{node} {name} {was!r} before, now {is_now!r}"] if was != is_now else []
+    return "; ".join(changes)
+
+
 def held_out_inputs(config: SessionConfig) -> InputsConfig:
     """How the trainer reads the recordings that its model is evaluated on.
 
@@ -107,7 +122,7 @@ def free_port(wanted: int) -> int:
 
 def _value(parameters: Mapping[str, Parameters], node: str, name: str) -> Any:
     """What a node is told, or its default."""
-    return parameters[node].get(name, declared_parameters()[node][name])
+    return parameters[node].get(name, declared_parameters()[node].get(name))
 
 
 def _given(config: SessionConfig) -> dict[str, Parameters]:

@@ -14,8 +14,14 @@ from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.events import EventLog
 from contact_curation.session.free_domain import graph_domain
 from contact_curation.session.graph import supervised
-from contact_curation.session.node_parameters import DASHBOARD, held_out_inputs, session_parameters, write_tag_map
-from contact_curation.session.parameter_files import Parameters, write_node_parameters
+from contact_curation.session.node_parameters import (
+    DASHBOARD,
+    changed_parameters,
+    held_out_inputs,
+    session_parameters,
+    write_tag_map,
+)
+from contact_curation.session.parameter_files import Parameters, read_node_parameters, write_node_parameters
 from contact_curation.session.report import finish_record
 from contact_curation.session.state import SessionState, SessionStores
 from contact_curation.session.summary import SessionSummary, gains, outcome_of, summary_of
@@ -87,6 +93,10 @@ def run_session(
         running.enter_context(folder.claimed())
         events = running.enter_context(EventLog(folder.events, resume=config.resume))
         events.throws(f"{body.name}, {body.mass:g} kg ({body.digest})")
+        if config.resume and folder.parameters.exists():
+            changed = changed_parameters(read_node_parameters(folder.parameters), parameters)
+            if changed:
+                reporter.say(f"the session goes on with other parameters: {changed}")
         write_node_parameters(folder.parameters, parameters)
         write_tag_map(config, body, folder, parameters)
 

@@ -21,7 +21,13 @@ from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.events import EventLog
 from contact_curation.session.free_domain import graph_domain
 from contact_curation.session.graph import graph_environment
-from contact_curation.session.node_parameters import declared_parameters, free_port, held_out_inputs, session_parameters
+from contact_curation.session.node_parameters import (
+    changed_parameters,
+    declared_parameters,
+    free_port,
+    held_out_inputs,
+    session_parameters,
+)
 from contact_curation.session.offline_ranking import rank_command
 from contact_curation.session.parameter_files import Parameters
 from contact_curation.session.session import Session, run_session
@@ -202,6 +208,14 @@ def test_a_session_goes_on_where_it_was_and_only_where_there_is_one(tmp_path: Pa
     lines = folder.events.read_bytes()
     assert lines.startswith(first)
     assert [json.loads(line)["event"] for line in lines.splitlines()] == ["throw", "restarted", "throw"]
+
+
+def test_parameters_with_which_a_session_goes_on_otherwise_are_named(tmp_path: Path) -> None:
+    text = "/**/pose_ingest: {ros__parameters: {rig.scale: 1.01}}"
+    before = parameters_of(tmp_path, text, throws=4, top=3)
+    assert changed_parameters(before, parameters_of(tmp_path, text, throws=8, top=3, rate=None)) == ""
+    changed = changed_parameters(before, parameters_of(tmp_path, throws=8))
+    assert changed == "curator top 3 before, now 32; pose_ingest rig.scale 1.01 before, now 1.0"
 
 
 def test_a_session_does_not_go_on_with_another_body(tmp_path: Path) -> None:
