@@ -10,6 +10,7 @@ from functools import cache
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contact_curation.geometry.pinhole import Pinhole
 from contact_curation.geometry.quaternions import Array
@@ -37,6 +38,9 @@ FEWEST_IMAGES, FEW_IMAGES = 5, 10
 
 FEWEST_BAD, MOST_BAD, MOSTLY = 3, 12, 0.8
 """Images that fit badly, and the share of them that fit without a tag that is elsewhere than in the map."""
+
+OFTEN = 0.25
+"""Share of the images with a tag that is elsewhere, beside others, that fit badly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +107,7 @@ def tag_fit(images: Sequence[TagImage], rig: TagRig, config: TagPoseConfig, *, r
     few = images[:: max(len(images) // FEW_IMAGES, 1)]
     better = _better(few, maps, unbounded, rectified, misfit, config.largest_misfit)
     for one, found in zip(maps, by_map, strict=True) if better is None else ():
-        bad = [image for image, each in zip(images, found, strict=True) if each > config.largest_misfit][:MOST_BAD]
-        better = better or _wrong_tag(bad, one, unbounded, rectified, config.largest_misfit)
+        better = better or _wrong_tag(images, found > config.largest_misfit, one, unbounded, rectified, config.largest_misfit)
     return TagFit(rig.board is not None, misfit, better)
 
 
@@ -159,9 +162,10 @@ def _scales(
 
 
 def _wrong_tag(
-    bad: Sequence[TagImage], tags: TagMap, config: TagPoseConfig, rectified: bool, largest: float
+    images: Sequence[TagImage], misfits: NDArray[np.bool_], tags: TagMap, config: TagPoseConfig, rectified: bool, largest: float
 ) -> Explanation | None:
-    """The single tag without which images that fit badly fit."""
+    """The single tag without which images that fit badly fit; none where others fit with it: something hides it in part."""
+    bad = [image for image, misfit in zip(images, misfits, strict=True) if misfit][:MOST_BAD]
     if len(bad) < FEWEST_BAD or len(tags.tags) < 2:
         return None
     without: list[Explanation] = []
@@ -172,6 +176,11 @@ def _wrong_tag(
         fitting.append(float(np.mean(found <= largest)))  # where no other tag is seen it is NaN
         without.append(Explanation(_level([found]), frames=(tags.frame,), tag_id=wrong.tag_id))
     best = int(np.argmax(fitting))
+    known = {tag.tag_id for tag in tags.tags}
+    seen = [known.intersection(tag.tag_id for tag in image.detected) for image in images]
+    beside = np.array([without[best].tag_id in ids and len(ids) > 1 for ids in seen])
+    if np.count_nonzero(misfits & beside) < OFTEN * np.count_nonzero(beside):
+        return None
     return without[best] if fitting[best] >= MOSTLY and fitting.count(fitting[best]) == 1 else None
 
 

@@ -79,6 +79,18 @@ def test_a_tag_that_is_elsewhere_is_named(tmp_path: Path) -> None:
     assert any(f"without tag {often} of body_cube: it is not where" in line for line in (found.verdict, *found.reasons))
 
 
+def test_a_tag_that_is_hidden_in_part_in_a_few_images_is_not_said_to_be_elsewhere(tmp_path: Path) -> None:
+    assert RIG.board is not None
+    images, hidden = list(tagged_tosses(1)), RIG.board.tags[0].tag_id
+    by = np.array([[3.0, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, 3.0]])
+    for place in range(20, 30):
+        tags = images[place].tags
+        moved = [one._replace(corners=one.corners + by) for one in tags if one.tag_id == hidden]
+        images[place] = images[place]._replace(tags=[*(one for one in tags if one.tag_id != hidden), *moved])
+    found = checked(tmp_path, images)
+    assert not any("it is not where" in line for line in (found.verdict, *found.reasons))
+
+
 @pytest.mark.slow
 def test_corners_with_more_noise_than_expected_give_its_size(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
