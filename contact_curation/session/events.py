@@ -3,6 +3,7 @@
 import json
 import time
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -23,6 +24,7 @@ class EventLog:
     """
 
     def __init__(self, path: Path, *, resume: bool = False) -> None:
+        self._path = path
         self.events: list[dict[str, Any]] = _events_of(path) if resume else []
         self._file = path.open("r+" if resume else "w", encoding="utf-8")
         if resume:
@@ -57,10 +59,17 @@ class EventLog:
             raise InvalidValueError("--body", body, f"{before}, which the session throws, or a new folder for --record")
 
     def note(self, event: str, **more: Any) -> dict[str, Any]:
-        """Something happened, now."""
+        """Something happened, now.
+
+        Raises:
+            InvalidValueError: the file cannot be written, as where the disk is full.
+        """
         entry = {"time": round(self.seconds, 3), "wall_time": round(time.time(), 3), "event": event, **more}
-        self._file.write(json.dumps(entry, ensure_ascii=False) + "\n")
-        self._file.flush()
+        try:
+            self._file.write(json.dumps(entry, ensure_ascii=False) + "\n")
+            self._file.flush()
+        except OSError as error:
+            raise InvalidValueError("--record", self._path, f"a file that can be written ({error.strerror})") from error
         self.events.append(entry)
         return entry
 
@@ -73,7 +82,8 @@ class EventLog:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._file.close()
+        with suppress(OSError):  # what could not be written has been said
+            self._file.close()
 
 
 def _whole_lines(path: Path) -> bytes:

@@ -250,6 +250,14 @@ def test_events_that_are_none_are_refused_in_one_line(tmp_path: Path, line: str)
     assert path.read_text() == line + "\n"
 
 
+def test_a_full_disk_is_named_with_the_file() -> None:
+    with (
+        pytest.raises(InvalidValueError, match="found /dev/full, expected a file that can be written"),
+        EventLog(Path("/dev/full")) as events,
+    ):
+        events.note("started")
+
+
 def test_the_domain_is_the_users_or_one_of_its_own_on_this_machine(tmp_path: Path) -> None:
     with graph_domain({}) as domain:
         own = graph_environment({"ROS_STATIC_PEERS": "far", "A": "1"}, tmp_path, domain)
