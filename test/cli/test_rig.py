@@ -128,6 +128,7 @@ def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, gol
     assert "no correction needed" in cli("rig", golden).out.splitlines()[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("millimetres", [10.0, -80.0])
 def test_a_height_that_loses_every_toss_is_found_and_corrected(cli: Cli, tmp_path: Path, millimetres: float) -> None:
     bag = tmp_path / "a.mcap"

@@ -38,6 +38,7 @@ def send(number: signal.Signals) -> Interrupt:
     return lambda: os.kill(os.getpid(), number)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("interrupt", "stored"),
     [(send(signal.SIGINT), 7), (send(signal.SIGTERM), 7), (killed, 6)],

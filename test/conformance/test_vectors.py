@@ -96,6 +96,7 @@ def test_a_file_comes_out_of_the_seed_again_byte_for_byte(group: str) -> None:
     assert text == (FOLDER / "problems" / f"{group}.json").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", GROUPS)
 def test_automatic_differentiation_finds_the_same_scores_and_matrices_at_the_impulses(group: str) -> None:
     for key in (key for key in IDS if key.startswith(group)):

@@ -42,6 +42,7 @@ def test_the_gauss_newton_matrix_is_the_dense_one(kind: str, geometry: ContactGe
     assert np.linalg.eigvalsh(dense / scale).min() > -1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cone", list(Cone))
 @pytest.mark.parametrize("corners", [5, 40])
 def test_of_any_number_of_corners_the_matrix_is_the_dense_one(corners: int, cone: Cone) -> None:

@@ -10,6 +10,7 @@ import contact_curation
 from test.dashboard.gallery import FIGURES, REFERENCES, TOLERANCE, largest_difference, small
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_a_figure_is_as_it_was_kept(name: str, tmp_path: Path) -> None:
     FIGURES[name](tmp_path / f"{name}.png")

@@ -246,6 +246,7 @@ def test_a_value_that_no_cell_can_have_is_refused_before_any_runs(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_quick_leaves_what_is_given_and_another_body_is_not_taken_into_the_same_table(
     cli: Cli, folder: Path, tmp_path: Path
 ) -> None:

@@ -75,6 +75,7 @@ def ingested(poses: Sequence[BodyPose], ingest: TossIngest | None = None) -> lis
     return [*(event for one in measured for event in ingest.push(one)), *ingest.flush()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [60, 120, 148, 250])
 @pytest.mark.parametrize(
     ("delays", "in_order"),

@@ -38,6 +38,7 @@ def motions(name: str) -> tuple[Array, ...]:
     return tuple(poses for poses in seen if poses is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["prism", "brick", "die", "plate"])
 @pytest.mark.parametrize(("rate", "noise"), [(60, 0.0), (250, 0.0), (60, 2.0), (250, 2.0), (1000, 1.0)])
 def test_a_body_that_is_described_exactly_loses_no_toss(name: str, rate: int, noise: float) -> None:

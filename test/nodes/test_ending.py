@@ -63,6 +63,7 @@ KEPT = {
 """How a node closes and is destroyed, the exit status and what it prints, by what keeps the process."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by_m", [False, True])
 @pytest.mark.parametrize("keeper", KEPT)
 def test_a_node_ends_whatever_keeps_it(keeper: str, by_m: bool, tmp_path: Path) -> None:

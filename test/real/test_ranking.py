@@ -66,6 +66,7 @@ def test_the_trace_of_a_union_is_the_sum_of_the_traces(real_tosses: Tosses, esti
     assert all(0.999 < np.trace(info.fisher()) / info.trace < 1.0 + 1e-7 for info in infos)
 
 
+@pytest.mark.slow
 @ESTIMATORS
 @pytest.mark.parametrize("normalisation", NORMALISATIONS)
 def test_a_stream_keeps_exactly_the_top_k(real_tosses: Tosses, estimator: Estimator, normalisation: str) -> None:
@@ -105,6 +106,7 @@ def in_units(info: TossInformation, scale: Array) -> TossInformation:
     return replace(info, factor=factor, score_sum=info.score_sum * scale, block_traces=traces)
 
 
+@pytest.mark.slow
 @ESTIMATORS
 @pytest.mark.parametrize("seed", range(2))
 def test_units_turn_the_order_of_the_trace_over_and_move_no_toss_of_the_others(

@@ -95,6 +95,7 @@ def compare_with_clarabel(rows: Transitions, geometry: ContactGeometry, config: 
     assert np.abs(-0.5 * slopes.numpy() - found.scores).max() < 1e-5 * scale
 
 
+@pytest.mark.slow
 @CONES
 @pytest.mark.parametrize("name", GEOMETRIES)
 def test_torch_agrees(real_transitions: Transitions, name: str, cone: Cone) -> None:

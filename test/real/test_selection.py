@@ -75,6 +75,7 @@ def test_the_lazy_queue_finds_what_a_full_pass_for_every_pick_finds(real_tosses:
 # Certificates (method.md 6.10)
 
 
+@pytest.mark.slow
 @ESTIMATORS
 @pytest.mark.parametrize("steps", [0, 10])
 @pytest.mark.parametrize("top", [2, 4])

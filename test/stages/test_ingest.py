@@ -34,6 +34,7 @@ def jittering(measured: tuple[FramePose, ...]) -> tuple[FramePose, ...]:
     return tuple(one if one.static else replace(one, stamp_ns=one.stamp_ns + int(draw.integers(2_000_000))) for one in measured)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("seed", range(4))
 def test_tosses_are_the_same_however_often_it_dies(golden_bag: Path, tmp_path: Path, seed: int, late: bool) -> None:

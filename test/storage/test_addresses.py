@@ -140,6 +140,7 @@ def partly_in_chunks(bag: Path, target: Path, loose: range) -> Path:
     return target
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loose", [range(100, 200), range(200, 10**6)], ids=["between chunks", "behind chunks"])
 def test_messages_outside_chunks_are_read_too(server: ObjectServer, session: Path, tmp_path: Path, loose: range) -> None:
     mixed = partly_in_chunks(session, tmp_path / "mixed.mcap", loose)

@@ -160,6 +160,7 @@ def hostile_ros1() -> dict[str, bytes]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("start", "made"), [(MAGIC, hostile_mcap), (ROS1, hostile_ros1)], ids=["mcap", "ros1"])
 def test_huge_declared_sizes_in_small_files_take_no_memory(
     tmp_path: Path, start: bytes, made: Callable[[], dict[str, bytes]]

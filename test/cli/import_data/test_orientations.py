@@ -57,6 +57,7 @@ def test_a_rotation_matrix_is_read_by_the_names_of_its_entries(names: str, mixed
     assert bool(table.assumed) == (names in ("rot_0 to rot_8", "R1 to R9"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", ANGLES)
 @pytest.mark.parametrize("unit", ["deg", "rad"])
 @pytest.mark.parametrize("order", ORDERS)

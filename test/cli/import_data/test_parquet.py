@@ -65,6 +65,7 @@ def test_a_damaged_file_gives_one_line(tmp_path: Path) -> None:
         PoseTable(path)
 
 
+@pytest.mark.slow
 def test_a_damaged_description_of_the_columns_is_refused_or_read(tmp_path: Path) -> None:
     """Of two bytes in a column's statistics pyarrow 26 ends the process, if it is asked for the column."""
     path = tmp_path / "poses.parquet"

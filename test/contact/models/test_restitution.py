@@ -97,6 +97,7 @@ def test_scores_are_slopes_of_the_loss(lower: float) -> None:
         assert -2.0 * found.scores @ direction == pytest.approx(slope, rel=1e-3, abs=1e-3 * np.abs(slope).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cone", list(Cone))
 @pytest.mark.parametrize("lower", [0.0, 0.6])
 def test_the_gauss_newton_matrix_is_the_dense_one(lower: float, cone: Cone) -> None:

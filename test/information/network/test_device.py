@@ -76,6 +76,7 @@ def assert_alike(found: list[TossInformation], expected: list[TossInformation], 
         assert (one.transitions, one.not_scored, one.blocks) == (other.transitions, other.not_scored, other.blocks)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transitions", [1, 17, 1000])
 @pytest.mark.parametrize("config", ESTIMATORS, ids=lambda config: config.estimator.value)
 @pytest.mark.parametrize("kind", FAST)

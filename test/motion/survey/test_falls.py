@@ -23,6 +23,7 @@ def released(rate: float, noise: float, rng: np.random.Generator) -> PoseSeries:
     return PoseSeries(np.rint((times + 1.0) * 1e9).astype(np.int64), places + noise * rng.standard_normal(places.shape), turns)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rate", "noise"), [(60.0, 5e-4), (60.0, 2e-5), (148.0, 2e-4), (148.0, 2e-5), (500.0, 1e-4)])
 def test_bodies_that_a_hand_lets_go_fall_with_gravity(rate: float, noise: float) -> None:
     rng = np.random.default_rng(0)

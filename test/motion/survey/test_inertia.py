@@ -48,6 +48,7 @@ def noisy(tosses: tuple[Toss, ...], multiple: float) -> list[PoseSeries]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("multiple", [1.0, 10.0])
 @pytest.mark.parametrize("name", BODIES)
 def test_the_shape_of_the_inertia_is_found(name: str, multiple: float) -> None:

@@ -36,6 +36,7 @@ def truth(rig: Rig, found: RigEstimate) -> Array:
     return np.array([*np.sin(rig.tilt), at_centre, rig.scale - 1.0, *rig.marker_turn, *rig.marker_offset])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RIGS)
 @pytest.mark.parametrize("polytope", [CUBE, SLAB, WEDGE], ids=["cube", "slab", "wedge"])
 def test_every_error_is_found_where_it_is_and_its_interval_holds_it(polytope: Polytope, name: str) -> None:

@@ -70,6 +70,7 @@ def first_impacts(made: Session) -> list[int]:
     return [int(one) for one in met]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frames", [1, 4])
 @pytest.mark.parametrize(("share", "how"), [(0.0, "repeat the one before"), (1.0, "lie on a straight line between others")])
 def test_poses_that_are_made_up_while_the_object_is_hidden_are_named(

@@ -79,6 +79,7 @@ def test_a_tag_that_is_elsewhere_is_named(tmp_path: Path) -> None:
     assert any(f"without tag {often} of body_cube: it is not where" in line for line in (found.verdict, *found.reasons))
 
 
+@pytest.mark.slow
 def test_a_tag_that_is_hidden_in_part_in_a_few_images_is_not_said_to_be_elsewhere(tmp_path: Path) -> None:
     assert RIG.board is not None
     images, hidden = list(tagged_tosses(1)), RIG.board.tags[0].tag_id

@@ -47,6 +47,7 @@ METADATA_LIES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["mcap", "db3"])
 @pytest.mark.parametrize("lie", METADATA_LIES)
 def test_metadata_that_disagrees_is_said_and_the_storage_file_is_read(tmp_path: Path, lie: str, ending: str) -> None:
