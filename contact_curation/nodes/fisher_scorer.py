@@ -23,7 +23,7 @@ from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.toss import toss_of
 from contact_curation.nodes.messages.toss_bytes import EXPECTED_TOSS, toss_in
 from contact_curation.nodes.messages.toss_information import information_message
-from contact_curation.nodes.ros.body_parameter import declared_body_and_params
+from contact_curation.nodes.ros.body_parameter import declared_body_and_params, warn_of_kept
 from contact_curation.nodes.ros.catch_up import CatchUp, Source
 from contact_curation.nodes.ros.health import Health, HealthReport, awaited
 from contact_curation.nodes.ros.node_main import StageNode, run
@@ -58,9 +58,7 @@ class FisherScorer(StageNode):
         self._informations.claim()
         self._stage = ScoringStage(self._body, config, self._informations, theta)
         if parameters and self._stage.keeps_newer:
-            self.get_logger().warning(
-                f"params: the store keeps newer parameters than those of {parameters}, and they count; name another store"
-            )
+            warn_of_kept(self, parameters)
         self._published_version = ""
         self._warnings = ThrottledWarnings(self)
         self._publisher = self.create_publisher(TossInformationMessage, "toss_information", latched(RESULTS_DEPTH))

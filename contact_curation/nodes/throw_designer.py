@@ -21,7 +21,7 @@ from contact_curation.nodes.messages.headers import Stamped, check_format, nanos
 from contact_curation.nodes.messages.model_parameters import theta_in
 from contact_curation.nodes.messages.throw import executed_throw_of, throw_message
 from contact_curation.nodes.messages.toss_information import INFORMATION, information_of
-from contact_curation.nodes.ros.body_parameter import declared_body_and_params
+from contact_curation.nodes.ros.body_parameter import declared_body_and_params, warn_of_kept
 from contact_curation.nodes.ros.catch_up import CatchUp
 from contact_curation.nodes.ros.design_parameters import declared_design, declared_loop, declared_thrower
 from contact_curation.nodes.ros.health import Health, HealthReport
@@ -71,9 +71,7 @@ class ThrowDesigner(StageNode):
         self._states.claim()
         self._stage = DesignStage(self._body, config, self._states, geometry, prior, declared_thrower(self, self._body))
         if parameters and self._stage.keeps_newer:
-            self.get_logger().warning(
-                f"params: the store keeps newer parameters than those of {parameters}, and they count; name another store"
-            )
+            warn_of_kept(self, parameters)
         self._warnings = ThrottledWarnings(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._loop = ThrowLoop(self._stage, loop, self._now)

@@ -46,8 +46,8 @@ class EventLog:
         """How often something happened."""
         return sum(one["event"] == event for one in self.events)
 
-    def throws(self, body: str) -> None:
-        """Notes what is thrown, once: its throws, tosses and model would be mixed with those of another body.
+    def note_body(self, body: str) -> None:
+        """Notes the session's body, once; another one's throws, tosses and model would be mixed with its own.
 
         Raises:
             InvalidValueError: the session that is gone on with throws another one.

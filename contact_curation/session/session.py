@@ -92,7 +92,7 @@ def run_session(
     with ExitStack() as running:
         running.enter_context(folder.claimed())
         events = running.enter_context(EventLog(folder.events, resume=config.resume))
-        events.throws(f"{body.name}, {body.mass:g} kg ({body.digest})")
+        events.note_body(f"{body.name}, {body.mass:g} kg ({body.digest})")
         if config.resume and folder.parameters.exists():
             changed = changed_parameters(read_node_parameters(folder.parameters), parameters)
             if changed:

@@ -91,14 +91,10 @@ class ScoringStage:
         if position is not None and position.version != self.version:  # started with another body, or other parameters
             self._score_anew()
         elif position is not None:
-            for words, kept_words, prefix in (
-                (config.loss.in_words, position.loss, "loss."),
-                (self._compressed, position.compression, "compression."),
-            ):
-                own, kept = (dict(word.split("=") for word in one.split()) for one in (words, kept_words))
-                for name, value in own.items():
-                    if kept.get(name, value) != value:
-                        raise InvalidValueError(prefix + name, value, f"{kept[name]}, as in the store, or another store")
+            kept = _settings_in(position.loss, position.compression)
+            for name, value in _settings_in(config.loss.in_words, self._compressed).items():
+                if kept.get(name, value) != value:
+                    raise InvalidValueError(name, value, f"{kept[name]}, as in the store, or another store")
         informations.reach_disk()  # what was stored and not announced will be
 
     @property
@@ -248,3 +244,9 @@ def checked_body(toss: Toss, body: Body) -> Toss:
     if toss.body != body.name:
         raise InvalidValueError(f"body of toss {toss.toss_id}", toss.body, body.name)
     return toss
+
+
+def _settings_in(loss: str, compression: str) -> dict[str, str]:
+    """Settings by their names, from the words of a `ScorerPosition`; none from an empty text."""
+    words = [*(f"loss.{word}" for word in loss.split()), *(f"compression.{word}" for word in compression.split())]
+    return dict(word.split("=") for word in words)

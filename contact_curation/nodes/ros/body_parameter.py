@@ -29,6 +29,13 @@ def declared_body_and_params(node: Node, about_params: str) -> tuple[Body, str]:
     return _read(node, path, params), params
 
 
+def warn_of_kept(node: Node, params: str) -> None:
+    """Says that the file of `params` does not count, since a store keeps newer parameters."""
+    node.get_logger().warning(
+        f"params: the store keeps newer parameters than those of {params}, and they count; name another store"
+    )
+
+
 def _declared(node: Node) -> str:
     about = "YAML, URDF, MJCF or mesh file that describes the body; empty: ContactNets' cube"
     return str(declare(node, "body", "", about))

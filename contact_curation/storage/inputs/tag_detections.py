@@ -89,7 +89,7 @@ class TagDetections:
             first, frame = self._waiting[0], _frame_of(self._waiting[0])
             camera = of_frame(self._cameras, frame, any_frame=self._any_frame)
             if camera is None and frame not in self._without_camera:
-                waited_ns = stamp_ns_of(self._waiting[-1].header) - stamp_ns_of(first.header)
+                waited_ns = abs(stamp_ns_of(self._waiting[-1].header) - stamp_ns_of(first.header))  # a clock may be set back
                 if not self._cameras or (waited_ns < PATIENCE_NS and not ended):
                     break
                 self._without_camera.add(frame)

@@ -222,7 +222,7 @@ def test_a_session_does_not_go_on_with_another_body(tmp_path: Path) -> None:
     folder = SessionFolder(tmp_path)
     folder.make()
     with EventLog(folder.events) as events:
-        events.throws("brick, 0.5 kg (12345678)")
+        events.note_body("brick, 0.5 kg (12345678)")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     with pytest.raises(InvalidValueError, match=r"--body: found cube.*expected brick, 0.5 kg"):
         run_session(SessionConfig(record=tmp_path, resume=True), folder, (), lambda: True, online._Lines())

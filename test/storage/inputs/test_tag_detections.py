@@ -102,6 +102,15 @@ def test_images_wait_for_their_own_camera_where_that_of_another_one_comes_first(
     assert early.detected(messages[0]) == late.detected(messages[0])
 
 
+def test_where_the_clock_is_set_back_an_image_that_waits_for_a_camera_keeps_no_others_back() -> None:
+    early, late = reader(), reader()
+    message = array_message(1, scene(TRUE))
+    assert early.detected(array_message(10 * PATIENCE_NS, scene(TRUE), "other")) == ()
+    bad, *poses = early.detected(message)
+    assert isinstance(bad, BadPose)
+    assert tuple(poses) == late.detected(message)
+
+
 def test_images_that_wait_for_a_camera_at_the_end_of_a_recording_keep_no_others_back() -> None:
     early, late = reader(), reader()
     assert early.detected(array_message(1, scene(TRUE), "other")) == ()
