@@ -8,6 +8,7 @@ from unittest.mock import Mock
 import pytest
 import rclpy
 import yaml
+from builtin_interfaces.msg import Time
 from contact_curation_msgs.msg import ModelParameters
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
@@ -15,6 +16,7 @@ from rclpy.node import Node
 
 import contact_curation
 from contact_curation.nodes.messages.shown import healths_of
+from contact_curation.nodes.ros import health
 from contact_curation.nodes.ros.health import (
     FIRST_WORD,
     LONGEST_PAUSE,
@@ -179,3 +181,14 @@ def test_another_publisher_of_a_result_is_said_where_it_stays() -> None:
             assert rivals.look() == ""
         finally:
             rclpy.shutdown(context=context)
+
+
+def test_another_publisher_is_a_warning_of_the_health(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(health, "RIVALS_AFTER", 1)
+    node = Mock(publishers=[Mock(topic_name="/toss", msg_type=ModelParameters)], count_publishers=lambda _: 2)
+    node.get_fully_qualified_name.return_value = "/trainer"
+    node.get_clock.return_value.now.return_value.to_msg.return_value = Time()
+    HealthReport(node, "training", lambda: Health("fine", {}))._report()
+    (status,) = node.create_publisher.return_value.publish.call_args.args[0].status
+    assert status.level == DiagnosticStatus.WARN
+    assert status.message.startswith("fine; found others that publish /toss (2 times)")

@@ -164,6 +164,8 @@ def test_tosses_that_are_selected_in_another_way_are_trained_on_after_the_loop_c
     assert training.round.settling == 2
     training.follow(chosen(6, 6, 0, 3)._replace(chosen_by="trace 2", version="5"))  # of another prior, say
     assert [moment.round.settling for moment in until_idle(training)] == [0]
+    training.follow(chosen(7, 6, 0, 2)._replace(chosen_by="trace 2", version="6"))
+    assert [moment.round.settling for moment in until_idle(training)] == [1]
     again = stage(tmp_path, store)
     again.follow(chosen(7, 6, 0, 3, 4)._replace(chosen_by="trace 3", version="6"))  # while it was away
     assert [moment.round.settling for moment in until_idle(again)] == [0]
