@@ -17,6 +17,7 @@ from contact_curation.design.throw import throw_of_state
 from contact_curation.errors import InvalidValueError, UnreadableInputError
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.pose_stream import FramePose
+from contact_curation.session import session
 from contact_curation.session.config import SessionConfig, SessionFolder
 from contact_curation.session.events import EventLog
 from contact_curation.session.free_domain import graph_domain
@@ -216,6 +217,20 @@ def test_parameters_with_which_a_session_goes_on_otherwise_are_named(tmp_path: P
     assert changed_parameters(before, parameters_of(tmp_path, text, throws=8, top=3, rate=None)) == ""
     changed = changed_parameters(before, parameters_of(tmp_path, throws=8))
     assert changed == "curator top 3 before, now 32; pose_ingest rig.scale 1.01 before, now 1.0"
+
+
+def test_a_session_that_goes_on_with_other_parameters_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopping(*_: object) -> None:
+        raise KeyboardInterrupt  # before anything is started
+
+    monkeypatch.setattr(session, "write_tag_map", stopping)
+    folder = SessionFolder(tmp_path)
+    for resume, top in ((False, 3), (True, 5), (True, 5)):
+        with pytest.raises(KeyboardInterrupt):
+            run_session(SessionConfig(record=tmp_path, resume=resume, top=top), folder, (), lambda: True, online._Lines())
+    assert capsys.readouterr().out == "the session goes on with other parameters: curator top 3 before, now 5\n"
 
 
 def test_a_session_does_not_go_on_with_another_body(tmp_path: Path) -> None:
