@@ -52,7 +52,14 @@ STILL = 0.003
 """A body is still that is slower than what gravity gives it in this time [s]."""
 
 SCATTERED = 3.5
-"""Standard deviations per axis that velocities and accelerations at rest seldom exceed."""
+"""Standard deviations per axis that velocities and accelerations at rest, and those of falls, seldom exceed."""
+
+NOISIEST = 0.7
+"""Share of the shared acceleration: where noise moves windows further from it, no falls are told from noise."""
+
+ALIKE, ROUNDS = 2.5, 3
+"""Where noise hides which windows are alike: standard deviations per axis by which they may differ; and how often flights are
+looked for, each time by the mean acceleration of the flights before, since those found first are of one error."""
 
 STILL_WINDOWS = 4
 """In a row, for a rest."""
@@ -153,16 +160,24 @@ def survey(series: Sequence[PoseSeries]) -> Survey:
     shared = _shared_acceleration(series, fits, noise)
     if shared is None:
         return Survey(series, noise, None, (), max(speeds, default=0.0))
+    for _ in range(ROUNDS if _is_hidden(shared, _scatter(series, fits, noise)) else 1):
+        throws, shared = _found(series, fits, shared, noise)
+    return Survey(series, min(noise, noise_in_the_air(series, throws) or noise), shared, throws, max(speeds, default=0.0))
+
+
+def _found(
+    series: Sequence[PoseSeries], fits: Sequence[LocalFits], shared: Array, noise: float
+) -> tuple[tuple[Throw, ...], Array]:
+    """Throws that fall with the shared acceleration, and (3,) the mean of theirs."""
     flights = [
         flight
         for place, fit in enumerate(fits)
-        for flight in _joined(series[place], _flights(place, fit, shared, noise), shared, noise)
+        for flight in _joined(series[place], _flights(place, series[place], fit, shared, noise), shared, noise)
     ]
     throws = tuple(_throws(series, fits, flights, shared, noise))
     weights = np.array([throw.frames**5.0 for throw in throws])
     accelerations = np.array([throw.acceleration for throw in throws])
-    mean = _trimmed_mean(accelerations, weights) if len(throws) else shared
-    return Survey(series, min(noise, noise_in_the_air(series, throws) or noise), mean, throws, max(speeds, default=0.0))
+    return throws, _trimmed_mean(accelerations, weights) if len(throws) else shared
 
 
 def noise_in_the_air(series: Sequence[PoseSeries], throws: Sequence[Throw]) -> float:
@@ -188,9 +203,24 @@ def _shared_acceleration(series: Sequence[PoseSeries], fits: Sequence[LocalFits]
         kept = [_fitting(fit, noise) & before(fit) for fit in fits]
         rows = [fit.accelerations[mask] for fit, mask in zip(fits, kept, strict=True)]
         stretches = [_stretches(*each) for each in zip(range(len(fits)), series, fits, kept, strict=True)]
-        if rows and (shared := _most_alike(np.concatenate(rows), np.concatenate(stretches))) is not None:
+        shared = _most_alike(np.concatenate(rows), np.concatenate(stretches)) if rows else None
+        if shared is not None and _is_hidden(shared, scatter := _scatter(series, fits, noise)):
+            shared = _most_alike(np.concatenate(rows), np.concatenate(stretches), ALIKE / SCATTERED * scatter)
+        if shared is not None:
             return shared
     return None
+
+
+def _scatter(series: Sequence[PoseSeries], fits: Sequence[LocalFits], noise: float) -> float:
+    """What noise seldom changes the acceleration of a window by more than."""
+    found = [fit.noises(one.period)[1] for one, fit in zip(series, fits, strict=True) if len(fit.first)]
+    return SCATTERED * noise * float(np.median(found)) if found else 0.0
+
+
+def _is_hidden(shared: Array, scatter: float) -> bool:
+    """Whether noise moves windows away from the acceleration that they share, yet not so far that falls cannot be told."""
+    length = float(np.linalg.norm(shared))
+    return 2.0 * NEAR * length < scatter < NOISIEST * length
 
 
 def _stretches(place: int, series: PoseSeries, fit: LocalFits, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -199,10 +229,11 @@ def _stretches(place: int, series: PoseSeries, fit: LocalFits, kept: NDArray[np.
     return np.stack([np.full(len(spans), place), spans], axis=1)
 
 
-def _most_alike(found: Array, stretches: NDArray[np.int64]) -> Array | None:
+def _most_alike(found: Array, stretches: NDArray[np.int64], least: float = 0.0) -> Array | None:
     """(3,) of accelerations (N, 3) the one that most windows and most stretches (N, 2) have; None where hardly two are alike.
 
-    Its length counts, too: slides, and what an arm does alike every time, are slower than falls.
+    Its length counts, too: slides, and what an arm does alike every time, are slower than falls. Those are alike, too, that
+    differ by less than `least`.
     """
     if len(found) < 3:
         return None
@@ -210,7 +241,7 @@ def _most_alike(found: Array, stretches: NDArray[np.int64]) -> Array | None:
     found, names = found[some], np.unique(stretches[some], axis=0, return_inverse=True)[1].ravel()
     lengths = np.linalg.norm(found, axis=1)
     apart = np.linalg.norm(found[:, np.newaxis] - found[np.newaxis], axis=2)
-    alike = apart < NEAR * lengths[:, np.newaxis]
+    alike = apart < np.maximum(NEAR * lengths, least)[:, np.newaxis]
     seen = (alike @ np.eye(names.max() + 1)[names] > 0.0).sum(axis=1)
     windows = alike.sum(axis=1)
     best = int(np.argmax(seen * windows * lengths))
@@ -236,10 +267,14 @@ def _before_the_end(fit: LocalFits) -> NDArray[np.bool_]:
     return np.asarray(ends - fit.first <= 2 * fit.frames)
 
 
-def _flights(place: int, fit: LocalFits, shared: Array, noise: float) -> list[Flight]:
-    """Runs of windows with the shared acceleration."""
-    near = np.linalg.norm(fit.accelerations - shared, axis=1) < 2.0 * NEAR * np.linalg.norm(shared)
-    falls = fit.first[near & _fitting(fit, noise)]
+def _flights(place: int, series: PoseSeries, fit: LocalFits, shared: Array, noise: float) -> list[Flight]:
+    """Runs of windows with the shared acceleration; noise must not choose those that it bends further."""
+    length, off = float(np.linalg.norm(shared)), np.linalg.norm(fit.accelerations - shared, axis=1)
+    scatter = _scatter([series], [fit], noise)
+    if _is_hidden(shared, scatter):
+        falls = fit.first[(off < scatter) & (fit.residuals < max(BENT * length * SPAN**2 / 8.0, 3.0 * noise))]
+    else:
+        falls = fit.first[(off < 2.0 * NEAR * length) & _fitting(fit, noise)]
     if not len(falls):
         return []
     parts = np.split(falls, np.flatnonzero(np.diff(falls) > 2) + 1)

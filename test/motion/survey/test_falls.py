@@ -35,6 +35,15 @@ def test_bodies_that_a_hand_lets_go_fall_with_gravity(rate: float, noise: float)
     assert np.median(sizes) == pytest.approx(GRAVITY, rel=0.005)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_does_not_choose_the_falls_that_it_bends_most(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    found = survey([released(148.0, 6e-4, rng) for _ in range(20)])
+    assert len(found.throws) == 20
+    assert found.gravity is not None
+    assert np.linalg.norm(found.gravity) == pytest.approx(GRAVITY, rel=0.006)
+
+
 def at_rest(height: float, tilt: float = 0.0) -> Throw:
     lying = Rest(0, 1, np.array([0.0, 0.0, height]), quaternions.exp(np.array([tilt, 0.5 * tilt, 0.0])))
     return Throw((), lying, Flight(0, 0, 1), np.array([0.0, 0.0, -GRAVITY]))
