@@ -195,23 +195,25 @@ def _in_short_runs(marks: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _sharpness(found: Survey) -> Array:
-    """By throw, the share of its first impact in two frames, or as long a time."""
+    """By throw, the share of its first impact in two frames of some 150 a second or fewer, or as long a time."""
     shares = []
     size = 0.0 if found.gravity is None else float(np.linalg.norm(found.gravity))
     noise = max(found.noise, noise_in_the_air(found.series, found.throws))
     for throw in found.throws:
         series, hit = found.series[throw.flights[0].series], throw.flights[0].stop
-        frames = max(round(IMPACT / series.period), 2)
-        before, after = max(3 * frames // 2, 1), max(round(AROUND / series.period) - 3 * frames // 2, frames + 1)
-        first, last = hit - 3 * frames, hit + 7 * frames
-        if first < 1 or last + 1 >= len(series) or series.steps[first - 1 : last + 1].max() > 1.5 * series.period:
+        stride = max(round(0.5 * IMPACT / series.period), 1)  # over shorter steps noise hides impacts
+        period = stride * series.period
+        frames = max(round(IMPACT / period), 2)
+        before, after = max(3 * frames // 2, 1), max(round(AROUND / period) - 3 * frames // 2, frames + 1)
+        first, last = hit - stride * (3 * frames + 1), hit + stride * 7 * frames
+        if first < 0 or last + 1 >= len(series) or series.steps[first : last + 1].max() > 1.5 * series.period:
             continue
-        heights = series.positions[first - 1 : last + 1] @ found.up
-        given = np.diff(heights, n=2) / series.period**2 + size
+        heights = series.positions[first : last + 1 : stride] @ found.up
+        given = np.diff(heights, n=2) / period**2 + size
         sums = np.convolve(given, np.ones(frames), mode="valid")
         at = int(np.argmax(sums))
         around = np.maximum(given[max(at - before, 0) : at + after], 0.0).sum()
-        if around > 0.0 and sums[at] > HARD * np.sqrt(6.0) * noise / series.period**2:
+        if around > 0.0 and sums[at] > HARD * np.sqrt(6.0) * noise / period**2:
             shares.append(float(sums[at] / around))
     return np.array(shares)
 
