@@ -436,6 +436,57 @@ def test_mjcf_is_understood_as_mujoco_understands_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.inertia, turn @ np.diag(model.body_inertia[1]) @ turn.T, atol=1e-9)
 
 
+L_CORNERS = np.array([[x, y, z] for z in (0, 5) for x, y in ((0, 0), (12, 0), (12, 4), (4, 4), (4, 12), (0, 12))])
+L_CAPS = ((0, 2, 1), (0, 3, 2), (0, 5, 3), (3, 5, 4), (6, 7, 8), (6, 8, 9), (6, 9, 11), (9, 10, 11))
+L_SIDES = tuple(face for a in range(6) for face in ((a, (a + 1) % 6, (a + 1) % 6 + 6), (a, (a + 1) % 6 + 6, a + 6)))
+BOX_AND_OTHER = '<geom type="box" size="0.02 0.03 0.04"/><geom type="box" size="0.02 0.02 0.02" pos="0.02 0 0.05" group="3"/>'
+
+
+@pytest.mark.parametrize(
+    ("compiler", "mesh", "geoms"),
+    [
+        ('inertiagrouprange="0 2"', "", BOX_AND_OTHER),
+        ('inertiagrouprange="3 5"', "", BOX_AND_OTHER),
+        ('boundmass="0.2" boundinertia="1e-5"', "", BOX_AND_OTHER),
+        ("", 'inertia="convex"', '<geom type="mesh" mesh="l"/>'),
+        ("", 'inertia="exact"', '<geom type="mesh" mesh="l"/>'),
+    ],
+)
+def test_what_weighs_in_mjcf_is_what_weighs_in_mujoco(tmp_path: Path, compiler: str, mesh: str, geoms: str) -> None:
+    import mujoco
+
+    (tmp_path / "l.obj").write_text(obj_text(L_CORNERS, L_CAPS + L_SIDES))
+    file = tmp_path / "thing.xml"
+    asset = f'<asset><mesh file="l.obj" scale="0.01 0.01 0.01" {mesh}/></asset>'
+    file.write_text(f"<mujoco><compiler {compiler}/>{asset}<worldbody><body>{geoms}</body></worldbody></mujoco>")
+    found, model = read_description(file), mujoco.MjModel.from_xml_path(str(file))
+    assert found.mass == pytest.approx(model.body_mass[1], rel=1e-6)
+    np.testing.assert_allclose(found.center_of_mass, model.body_ipos[1], atol=1e-8)
+    np.testing.assert_allclose(np.linalg.eigvalsh(found.inertia), np.sort(model.body_inertia[1]), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("compiler", "mesh", "geom", "why"),
+    [
+        ("", "", 'type="box" size="0.02 0.03 0.04" shellinertia="true"', "geom with the mass of a shell, expected filled"),
+        ("", 'inertia="shell"', 'type="mesh" mesh="l"', "with the mass of a shell, expected filled ones, or an <inertial>"),
+        ('boundmass="2"', "", 'type="box" size="0.02 0.03 0.04"', "boundmass of <compiler>: found 2, expected at most 0.192"),
+        ('boundinertia="1"', "", 'type="box" size="0.02 0.03 0.04"', "boundinertia of <compiler>: found 1, expected at most"),
+    ],
+)
+def test_a_mass_that_mujoco_alone_understands_is_refused(tmp_path: Path, compiler: str, mesh: str, geom: str, why: str) -> None:
+    (tmp_path / "l.obj").write_text(obj_text(L_CORNERS, L_CAPS + L_SIDES))
+    asset = f'<asset><mesh file="l.obj" scale="0.01 0.01 0.01" {mesh}/></asset>'
+    text = f"<mujoco><compiler {compiler}/>{asset}<worldbody><body>{{}}<geom {geom}/></body></worldbody></mujoco>"
+    file = tmp_path / "thing.xml"
+    file.write_text(text.format(""))
+    with pytest.raises(UnreadableInputError, match=why):
+        read_description(file)
+    file.write_text(text.format('<inertial pos="0 0 0.01" mass="3" diaginertia="0.003 0.003 0.003"/>'))
+    if not compiler:
+        assert read_description(file).mass == 3.0
+
+
 PARTS = {
     "main.xml": """<mujoco model="thing"><compiler meshdir="meshes" eulerseq="zyx"/><include file="parts/assets.xml"/>
       <worldbody><frame pos="9 9 9"><body name="thing" childclass="heavy"><include file="parts/geoms.xml"/>

@@ -4,7 +4,7 @@ Understood are classes of defaults, mesh assets, included files, frames, replica
 would change the outcome and is not understood is refused.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -30,6 +30,9 @@ MAIN = "main"
 REMEDY = "describe the body as one rigid <body> of geoms"
 REFUSED = ("composite", "flexcomp", "attach")
 
+ALL_GROUPS = (0.0, 5.0)
+"""First and last group of the geoms that have mass, by MuJoCo's defaults."""
+
 
 @dataclass(frozen=True, eq=False)
 class _Geom:
@@ -37,6 +40,8 @@ class _Geom:
     weight: MassProperties
     collides: bool
     friction: float | None
+    group: float
+    hollow: bool
 
 
 class _Model:
@@ -53,6 +58,7 @@ class _Model:
                 raise UnreadableInputError(path, f"found <{tag}>, which is not understood: {REMEDY}")
         for world in root.findall("worldbody"):
             with_replicas(path, world, self._rotation)
+        self.compiler = Element("compiler", self.options)
         if float(self.options.get("settotalmass", "-1")) > 0.0:
             raise UnreadableInputError(path, f"found settotalmass, which is not understood: {REMEDY}")
         self.defaults: dict[str, dict[str, dict[str, str]]] = {MAIN: {}}
@@ -132,7 +138,14 @@ class _Model:
             count = max(4, len(told.get("vertex", "").split()) // 3)
             return mesh_of_hull(self.path, numbers(self.path, told, "vertex", 3 * count).reshape(-1, 3) * scale)
         folder = self.options.get("meshdir", self.options.get("assetdir", ""))
-        return read_mesh(referenced(self.path, told.get("file", ""), folder), scale)
+        read = read_mesh(referenced(self.path, told.get("file", ""), folder), scale)
+        return mesh_of_hull(self.path, read.solid.points) if told.get("inertia") == "convex" else read
+
+    def is_hollow(self, geom: Element, kind: str) -> bool:
+        """Whether the mass of a geom is in its surface."""
+        if kind != "mesh":
+            return geom.get("shellinertia") == "true"
+        return self.with_defaults(self.meshes[geom.get("mesh", "")], MAIN).get("inertia") == "shell"
 
 
 def read_mjcf(path: Path, body: str | None = None) -> Link:
@@ -183,14 +196,34 @@ def _link(model: _Model, root: Element, name: str, body: Element, childclass: st
     said = [geom.friction for geom in colliding if geom.friction is not None]
     inertial = body.find("inertial")
     by_file = inertial is not None and model.options.get("inertiafromgeom", "auto") != "true"
-    heavy = [geom.weight for geom in geoms if geom.weight.mass > 0.0]
+    mass = _inertial(model, inertial) if inertial is not None and by_file else _mass_of(model, geoms)
+    _check_bounds(model, mass)
     return Link(
         name=name if body.get("name") else root.get("model", path_name(model.path)),
         solid=union([geom.mesh.solid for geom in colliding]),
-        mass=_inertial(model, inertial) if inertial is not None and by_file else combined(heavy) if heavy else None,
+        mass=mass,
         friction=max(said) if said else None,
         notes=tuple(note for geom in colliding for note in geom.mesh.notes),
     )
+
+
+def _mass_of(model: _Model, geoms: Sequence[_Geom]) -> MassProperties | None:
+    """What the geoms weigh, of the groups that the compiler counts."""
+    first, last = numbers(model.path, model.compiler, "inertiagrouprange", 2, ALL_GROUPS)
+    heavy = [geom for geom in geoms if geom.weight.mass > 0.0 and first <= geom.group <= last]
+    if any(geom.hollow for geom in heavy):
+        raise UnreadableInputError(model.path, "found a geom with the mass of a shell, expected filled ones, or an <inertial>")
+    return combined([geom.weight for geom in heavy]) if heavy else None
+
+
+def _check_bounds(model: _Model, mass: MassProperties | None) -> None:
+    """The compiler makes lighter bodies heavier."""
+    bounds = {name: number(model.path, model.compiler, name, 0.0) for name in ("boundmass", "boundinertia")}
+    found = (mass.mass, float(np.linalg.eigvalsh(mass.inertia)[0])) if mass else tuple(bounds.values())
+    for (name, bound), value in zip(bounds.items(), found, strict=True):
+        if value < bound:
+            expected = f"at most {value:.3g}, the body's own: MuJoCo raises it"
+            raise UnreadableInputError(model.path, f"{name} of <compiler>: found {bound:g}, expected {expected}")
 
 
 def path_name(path: Path) -> str:
@@ -213,7 +246,8 @@ def _geom(model: _Model, geom: Element, frames: Pose) -> _Geom:
     density = number(model.path, geom, "density", DENSITY)
     mass = number(model.path, geom, "mass", density * volume)
     friction = float(geom.attrib["friction"].split()[0]) if geom.get("friction") else None
-    return _Geom(mesh._replace(solid=solid), solid.uniform.times(mass / volume), _collides(geom), friction)
+    group, hollow = number(model.path, geom, "group", 0.0), model.is_hollow(geom, kind)
+    return _Geom(mesh._replace(solid=solid), solid.uniform.times(mass / volume), _collides(geom), friction, group, hollow)
 
 
 def _sizes(model: _Model, geom: Element, count: int) -> Array:
