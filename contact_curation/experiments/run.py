@@ -199,7 +199,8 @@ def _calibrated(bench: Bench) -> Bench:
         warn([f"tosses are taken as recorded: {error}"])
         return bench
     lean, off = np.degrees(rig.tilt), 100.0 * (rig.scale - 1.0)
-    warn([f"board tilt {lean:.2f} degrees, lengths {off:.1f} % too short: tosses are corrected (--as-recorded: not)"])
+    lengths = f"lengths {abs(off):.1f} % too {'short' if off >= 0.0 else 'long'}"
+    warn([f"board tilt {lean:.2f} degrees, {lengths}: tosses are corrected (--as-recorded: not)"])
     return bench.on(rig)
 
 

@@ -192,7 +192,7 @@ def reasons_against(
     reasons = []
     duration = toss.duration + toss.frame_period
     if duration < bounds.shortest:
-        reasons.append(f"duration: found {duration:.3f} s, expected at least {bounds.shortest:.3g} s")
+        reasons.append(f"duration: found {duration:.4f} s, expected at least {bounds.shortest:.4f} s")
     if abs(lowest.min()) > bounds.lowest_corner:
         expected = f"within {1e3 * bounds.lowest_corner:.3g} mm of the board"
         reasons.append(f"lowest corner of the toss: found {1e3 * lowest.min():.1f} mm, expected {expected}")

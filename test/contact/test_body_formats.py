@@ -487,6 +487,27 @@ def test_a_mass_that_mujoco_alone_understands_is_refused(tmp_path: Path, compile
         assert read_description(file).mass == 3.0
 
 
+BOX = '<geometry><box size="0.1 0.1 0.1"/></geometry>'
+WEIGHT = '<inertial><mass value="1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>'
+LINKS = f"""<robot name="r"><link name="root"/><link name="a">{WEIGHT}<collision>{BOX}</collision></link>
+  <link name="b">{WEIGHT}</link><link name="c">{WEIGHT}</link>
+  <joint type="fixed"><parent link="root"/><child link="a"/></joint>
+  <joint type="fixed"><parent link="root"/><child link="b"/></joint>
+  <joint type="hinge"><parent link="a"/><child link="c"/></joint></robot>"""
+BODIES = """<mujoco><worldbody><body name="a"><freejoint/><geom type="box" size=".1 .1 .1"/>
+  <frame><body name="b"><geom size=".1" contype="0" conaffinity="0"/><body name="d"><site/></body></body></frame>
+  <body name="c"><joint/><geom size=".1" contype="0" conaffinity="0"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("links.urdf", LINKS), ("bodies.xml", BODIES)])
+def test_a_mass_fixed_to_the_body_is_not_counted_and_a_note_says_so(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    said = "b: fixed to a, but not counted: shape, mass and inertia are those of a alone"
+    assert said in read_description(tmp_path / name, BodyOptions(mass=1.0, friction=0.2)).notes
+    (tmp_path / name).write_text(text.replace('"fixed"', '"floating"').replace('<body name="b">', '<body name="b"><joint/>'))
+    assert not any("fixed" in note for note in read_description(tmp_path / name, BodyOptions(mass=1.0, friction=0.2)).notes)
+
+
 PARTS = {
     "main.xml": """<mujoco model="thing"><compiler meshdir="meshes" eulerseq="zyx"/><include file="parts/assets.xml"/>
       <worldbody><frame pos="9 9 9"><body name="thing" childclass="heavy"><include file="parts/geoms.xml"/>

@@ -1,6 +1,7 @@
 """Streams are cut where the published rules say, and nothing is lost without a reason."""
 
 import json
+import re
 import statistics
 import time
 from collections.abc import Iterable, Sequence
@@ -214,6 +215,13 @@ def test_a_toss_shorter_than_the_shortest_is_rejected(shortest: float, accepted:
         assert tossed(outcomes).frames == toss.frames
     else:
         assert "duration: found" in reasons(outcomes)
+
+
+def test_a_toss_that_is_hardly_too_short_has_another_number_than_its_bound() -> None:
+    toss = tossed(cut(stream()))
+    said = reasons(cut(stream(), SegmenterConfig(shortest=toss.frames * toss.frame_period + 2e-4)))
+    found, expected = re.findall(r"([0-9.]+) s", said)
+    assert float(found) < float(expected)
 
 
 @pytest.mark.parametrize(("height", "accepted"), [(6.9e-3, True), (7.1e-3, False), (-6.9e-3, True), (-7.1e-3, False)])

@@ -50,3 +50,16 @@ def chosen_name(path: Path, names: Sequence[str], wanted: str | None, expected: 
     if wanted is not None and wanted not in names:
         raise UnreadableInputError(path, f"--link: found no link {wanted} with collision geometry, expected one of {listed}")
     return wanted or names[0]
+
+
+def not_counted(name: str, others: Sequence[str]) -> tuple[str, ...]:
+    """A note of what is fixed to the link that was taken.
+
+    Args:
+        name: of the link.
+        others: names of the links with a mass that are fixed to it.
+    """
+    if not others:
+        return ()
+    listed = ", ".join(others[:12]) + (", ..." if len(others) > 12 else "")
+    return (f"{listed}: fixed to {name}, but not counted: shape, mass and inertia are those of {name} alone",)

@@ -15,7 +15,7 @@ from contact_curation.errors import UnreadableInputError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids import shapes
-from contact_curation.geometry.solids.link import Link, chosen_name
+from contact_curation.geometry.solids.link import Link, chosen_name, not_counted
 from contact_curation.geometry.solids.mass_properties import MassProperties, combined
 from contact_curation.geometry.solids.mesh_file import Mesh, mesh_of_hull, read_mesh
 from contact_curation.geometry.solids.mjcf_tree import Pose, placed, with_included, with_replicas
@@ -203,8 +203,17 @@ def _link(model: _Model, root: Element, name: str, body: Element, childclass: st
         solid=union([geom.mesh.solid for geom in colliding]),
         mass=mass,
         friction=max(said) if said else None,
-        notes=tuple(note for geom in colliding for note in geom.mesh.notes),
+        notes=(*(note for geom in colliding for note in geom.mesh.notes), *not_counted(name, list(_fixed_to(model, body)))),
     )
+
+
+def _fixed_to(model: _Model, body: Element) -> Iterator[str]:
+    """The bodies with a mass inside a body that have no joint."""
+    for inner, _, _ in placed(body, "body", MAIN, model.pose):
+        if inner.find("joint") is None and inner.find("freejoint") is None:
+            if any(placed(inner, "geom", MAIN, model.pose)) or inner.find("inertial") is not None:
+                yield inner.get("name", "without a name")
+            yield from _fixed_to(model, inner)
 
 
 def _mass_of(model: _Model, geoms: Sequence[_Geom]) -> MassProperties | None:

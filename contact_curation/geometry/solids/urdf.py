@@ -8,7 +8,7 @@ import numpy as np
 from contact_curation.errors import UnreadableInputError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.solids import shapes
-from contact_curation.geometry.solids.link import Link, chosen_name
+from contact_curation.geometry.solids.link import Link, chosen_name, not_counted
 from contact_curation.geometry.solids.mass_properties import MassProperties
 from contact_curation.geometry.solids.mesh_file import Mesh, read_mesh
 from contact_curation.geometry.solids.shapes import Solid, union
@@ -37,8 +37,18 @@ def read_urdf(path: Path, link: str | None = None) -> Link:
         solid=union([mesh.solid for mesh in meshes]),
         mass=_inertial(path, element),
         friction=_friction(path, robot, element, name),
-        notes=tuple(note for mesh in meshes for note in mesh.notes),
+        notes=(*(note for mesh in meshes for note in mesh.notes), *not_counted(name, _fixed_to(robot, name))),
     )
+
+
+def _fixed_to(robot: Element, name: str) -> list[str]:
+    """The links with a mass that fixed joints hold to a link."""
+    ends = (joint.findall("parent") + joint.findall("child") for joint in robot.findall("joint[@type='fixed']"))
+    pairs = [{end.get("link", "") for end in pair} for pair in ends]
+    held = {name}
+    for _ in pairs:  # as long as a chain can be
+        held = held.union(*(pair for pair in pairs if pair & held))
+    return [other for link in robot.findall("link[inertial]") if (other := link.get("name", "")) in held - {name}]
 
 
 def _geometry(path: Path, collision: Element) -> Mesh:

@@ -64,6 +64,10 @@ def test_a_size_has_its_whole_unit(line: str, size: str) -> None:
     assert f"({size} in the median, allowed" in found([line]).what
 
 
+def test_a_size_just_beside_its_bound_is_another_number() -> None:
+    assert "(0.264 s in the median, allowed 0.2641)" in found(["duration: found 0.2640 s, expected at least 0.2641 s"]).what
+
+
 def test_the_setting_that_accepts_single_lost_frames_is_offered() -> None:
     diagnosis = concluded(seen(gaps(2.0)))
     assert "or say --set segmenter.largest_gap=2.5: one transition spans a gap" in diagnosis.verdict

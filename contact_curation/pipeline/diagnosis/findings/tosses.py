@@ -187,7 +187,9 @@ def _sizes(lines: list[str]) -> str:
         return ""
     found = np.array(_found(lines))
     median = np.median(found if np.ptp(np.sign(found)) == 0.0 else np.abs(found))
-    return f" ({median:.3g}{numbers[0].group(2)} in the median, allowed {float(numbers[0].group(3)):.3g})"
+    bound = float(numbers[0].group(3))
+    digits = 3 if f"{median:.3g}" != f"{bound:.3g}" else 5
+    return f" ({median:.{digits}g}{numbers[0].group(2)} in the median, allowed {bound:.{digits}g})"
 
 
 def _shape(toss: Toss) -> str:
