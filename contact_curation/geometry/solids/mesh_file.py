@@ -156,7 +156,7 @@ def _enclosed(path: Path, mesh: Any) -> Mesh:
     if closed and mesh.volume < 0.0:
         mesh.invert()
     if not closed or not mesh.volume > 0.0:
-        notes.append(f"{path.name} is not closed: its mass is spread over its convex hull")
+        notes.append(f"{path.name} is not closed, or its triangles face in and out: its mass is spread over its convex hull")
         return Mesh(Solid(corners, of_hull(corners)), tuple(notes))
     if mesh.volume < (1.0 - CONCAVE) * hull.volume:
         inside = len(mesh.vertices) - len(corners)

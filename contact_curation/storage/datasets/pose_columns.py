@@ -135,7 +135,9 @@ def _of_one_body(told: Sequence[_Name], body: str) -> tuple[int, ...]:
             if all(len(places) == 1 for places in found):
                 poses.setdefault(whose, [places[0] for places in found])
     wanted = set(words_of(body))
-    chosen = [whose for whose in poses if wanted and wanted <= set(whose)] or list(poses)
+    named = [whose for whose in poses if wanted and wanted <= set(whose)]
+    shortest = [whose for whose in named if all(set(whose) <= set(other) for other in named)]  # brick beside brick2
+    chosen = shortest or named or list(poses)
     if len(chosen) > 1:
         listed = ", ".join(" ".join(whose) or "columns without a name" for whose in chosen[:SHOWN])
         raise ColumnsError(f"poses of several: {listed}, none or several of them of {body or 'one body'} (--body-name)")

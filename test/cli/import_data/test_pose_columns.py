@@ -51,6 +51,12 @@ def test_of_several_bodies_the_wanted_one_is_taken() -> None:
         columns_of(several, "brick")
 
 
+def test_a_body_whose_name_begins_another_one_s_is_taken_where_both_are_there() -> None:
+    assert columns_of(["time", *names("rig brick2"), *names("rig brick")], "brick").pose == (8, 9, 10, 14, 11, 12, 13)
+    with pytest.raises(ColumnsError, match="poses of several: left brick, right brick 2, none or several"):
+        columns_of(["time", *names("left brick"), *names("right brick2")], "brick")
+
+
 def test_a_position_of_one_body_and_an_orientation_of_another_are_no_pose() -> None:
     mixed = ["time", "ball.pos.x", "ball.pos.y", "ball.pos.z", *names("cube")[3:]]
     with pytest.raises(ColumnsError, match=r"different names \(ball\.pos\.x, cube/qw\)"):
