@@ -154,7 +154,6 @@ class CandidateEvaluator:
         self.config = config
         self.noise = noise
         self.safety = SafetySet(self.particles[0].body, config.safety, noise, feasible)
-        self._draws = balanced_draws(config.forecast.executions, np.random.default_rng(config.seed))
 
     def with_noise(self, noise: ExecutionNoise) -> "CandidateEvaluator":
         """The same evaluator with another execution noise."""
@@ -215,9 +214,9 @@ class CandidateEvaluator:
 
         Args:
             releases: to judge.
-            executions: of each, the first of all that are looked at by default; an even number.
+            executions: of each, as many as the forecast's by default; the first of them are the same for any even number.
         """
-        draws = self._draws[:executions]
+        draws = self._draws(executions)
         states = releases.states(self.config.placement)
         pieces = [states[first : first + PIECE] for first in range(0, len(states), PIECE)]
         refusals: list[str | None] = []
@@ -228,6 +227,10 @@ class CandidateEvaluator:
             for whole, part in zip(fishers, parts[0]):
                 whole.append(part.fishers)
         return Candidates(releases, states, tuple(np.concatenate(parts) for parts in fishers), tuple(refusals))
+
+    def _draws(self, executions: int | None = None) -> Array:
+        """(E, 12) the same for every release."""
+        return balanced_draws(executions or self.config.forecast.executions, np.random.default_rng(self.config.seed))
 
     def _judged(self, states: Array, draws: Array) -> tuple[list[PredictedInformation], list[str | None]]:
         """Predicted information of a few releases (K, 13) per particle, and why each may not be thrown."""
@@ -248,7 +251,7 @@ class CandidateEvaluator:
         """Why releases (K, 13) may not be thrown, by where they lead if the body is as described; theta is not asked."""
         body, config = self.particles[0].body, self.config.forecast
         described = Particle(ContactGeometry.of_body(body).rigid(), body, self.particles[0].loss)
-        executed = self.noise.executions(states, self._draws).reshape(-1, 13)
+        executed = self.noise.executions(states, self._draws()).reshape(-1, 13)
         motions = predicted_motions(described, executed, config)
         return self.safety.of_motions(described, motions, config.executions, config)
 

@@ -51,7 +51,7 @@ class SafetyConfig:
             cylinder.
         share: share of the simulated executions that may violate a limit.
         executions: simulated executions that are checked at release.
-        motions: simulated executions whose whole motion is checked; an even number.
+        motions: simulated executions whose whole motion is checked.
         seed: random seed of the executions.
     """
 

@@ -164,6 +164,13 @@ def test_the_sieve_leaves_what_all_executions_would_have_picked_and_keeps_the_re
     assert sum(refusal is not None for refusal in some.refusals) <= sum(refusal is not None for refusal in whole.refusals)
 
 
+def test_a_search_has_as_many_executions_as_it_asks_for(planner: Planner) -> None:
+    judged = Releases.of_states(releases(2))
+    few, forecast, many = (planner.evaluator.evaluate(judged, count) for count in (2, None, 6))
+    assert [one.fishers[0].shape[1] for one in (few, forecast, many)] == [2, SMALL.candidates.forecast.executions, 6]
+    assert np.array_equal(few.fishers[0], many.fishers[0][:, :2])
+
+
 def test_where_the_thrower_can_make_no_finalist_the_rest_of_the_pool_is_looked_at() -> None:
     config = replace(SMALL, pool=40, finalists=1)
     free = Planner([PARTICLE], config=config)
