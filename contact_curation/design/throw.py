@@ -153,7 +153,8 @@ class ThrowReport:
         executed: as it left the thrower; None until then.
         released_ns: stamp of that; 0 until then.
         toss_id: its toss; empty until one was scored.
-        planned: gain in log-det; once the toss was scored, predicted at the theta it was scored at; 0 for exploration.
+        planned: gain in log-det; once the toss was scored, predicted again at that theta and from what is known before it; 0
+            for exploration.
         realised: gain of its toss over what was known before, at that theta; not a number until then, and for exploration.
         detail: why it explores, why it was not made, or why its motion was rejected.
     """

@@ -283,22 +283,19 @@ class DesignStage:
             self._log.replace(place, replace(self.throws[place], toss_id=toss_id))
 
     def _measure(self) -> None:
-        """Computes the gain of the last throw, if it was designed and its toss is scored at a theta that is known here.
+        """Computes the gains of designed throws whose tosses are scored at a theta that is known here, also of late ones.
 
-        Where that is not the theta of the plan, the expected gain is predicted again: only gains at one theta compare.
+        The expected gain is predicted again: it may have been planned at another theta, or before an earlier throw's toss
+        came, and only gains at one theta over the same tosses compare.
         """
-        last = self.throws[-1] if self.throws else None
-        if last is None or last.exploration is not None or not last.toss_id or last.realised is not None:
-            return
-        scored = [version for version in self._particles if last.toss_id in self._infos.get(version, {})]
-        if not scored:
-            return
-        version = last.commanded.parameters_version
-        version = version if version in scored else scored[-1]
-        design = self._design(version, without=last.toss_id)
-        planned = last.commanded if version == last.commanded.parameters_version else design.predicted(last.commanded)
-        realised = design.add(planned, [self._infos[version][last.toss_id]])
-        self._log.replace(len(self.throws) - 1, replace(last, realised=realised))
+        for place, made in enumerate(self.throws):
+            scored = [version for version in self._particles if made.toss_id in self._infos.get(version, {})]
+            if made.awaits_gain and scored:
+                planned_at = made.commanded.parameters_version
+                version = planned_at if planned_at in scored else scored[-1]
+                design = self._design(version, before=place)
+                realised = design.add(design.predicted(made.commanded), [self._infos[version][made.toss_id]])
+                self._log.replace(place, replace(made, realised=realised))
 
     def _take_up(self, particle: Particle) -> None:
         self._particles.pop(particle.version, None)
@@ -317,16 +314,17 @@ class DesignStage:
         wanted = self._wanted()
         return max(reversed(self._particles), key=lambda version: len(wanted & self._infos.get(version, {}).keys()))
 
-    def _known_infos(self, version: str, without: str = "") -> list[TossInformation]:
-        """Of the wanted tosses, at a theta."""
-        here = self._infos.get(version, {})
-        return [here[toss_id] for toss_id in sorted((self._wanted() - {without}) & here.keys())]
+    def _known_infos(self, version: str, before: int | None = None) -> list[TossInformation]:
+        """Of the wanted tosses, at a theta; without those of its own throws from `before` on."""
+        here, later = self._infos.get(version, {}), () if before is None else self.throws[before:]
+        return [here[toss_id] for toss_id in sorted((self._wanted() & here.keys()) - {made.toss_id for made in later})]
 
-    def _design(self, version: str, without: str = "") -> AdaptiveDesign:
+    def _design(self, version: str, before: int | None = None) -> AdaptiveDesign:
+        """At a theta, from all that is known, or from what was known before the own throw at index `before`."""
         if version not in self._planners:
             self._planners[version] = self._designer.planner(self._particles[version])
-        pairs = [(made.commanded, made.executed) for made in self.throws]
-        return AdaptiveDesign(self._planners[version], [self._known_infos(version, without)], pairs)
+        pairs = [(made.commanded, made.executed) for made in self.throws[:before]]
+        return AdaptiveDesign(self._planners[version], [self._known_infos(version, before)], pairs)
 
     def _first_losses(self, version: str) -> list[float]:
         """Of the tosses that are known at a theta, as they were scored first, oldest first."""

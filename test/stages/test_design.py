@@ -206,6 +206,17 @@ def test_a_toss_that_is_scored_before_its_throw_is_told_of_is_not_an_earlier_thr
     assert [made.toss_id for made in stage.throws] == ["", info.toss_id]
 
 
+def test_a_toss_that_comes_late_has_a_gain_and_lowers_what_the_next_throw_was_planned_to_gain(states: StateStore) -> None:
+    stage = DesignStage(CUBE, TRUSTING, states, TRUE)
+    late, last = thrown(stage, SECOND), thrown(stage, 5 * SECOND)  # the second one planned without the toss of the first
+    for throw, released_ns in ((late, SECOND), (last, 5 * SECOND)):
+        stage.add(*information(throw, released_ns))
+    ratios = [made.realised.ratio for made in stage.throws if made.realised]
+    assert [0.7 < ratio < 1.3 for ratio in ratios] == [True, True]
+    assert stage.reports[0].planned == pytest.approx(late.expected_information, rel=1e-9)
+    assert stage.reports[1].planned < 0.5 * last.expected_information
+
+
 def test_a_throw_is_told_of_from_its_command_to_its_gain(states: StateStore) -> None:
     stage = DesignStage(CUBE, TRUSTING, states, TRUE)
     proposal = stage.propose()
@@ -218,7 +229,8 @@ def test_a_throw_is_told_of_from_its_command_to_its_gain(states: StateStore) -> 
     assert [one.state for one in told] == [ThrowState.COMMANDED, ThrowState.EXECUTED, ThrowState.SCORED]
     assert [one.toss_id for one in told] == ["", "", info.toss_id]
     assert [one.released_ns for one in told] == [0, 7 * SECOND, 7 * SECOND]
-    assert {(one.kind, one.planned) for one in told} == {(ThrowKind.DESIGNED, proposal.throw.expected_information)}
+    assert {one.kind for one in told} == {ThrowKind.DESIGNED}
+    assert [one.planned for one in told] == pytest.approx([proposal.throw.expected_information] * 3, rel=1e-9)
     assert [math.isnan(one.realised) for one in told] == [True, True, False]
     assert told[-1].realised == stage.throws[-1].realised.realised  # type: ignore[union-attr]
 
