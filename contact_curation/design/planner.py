@@ -6,6 +6,7 @@ Beside it stand the plans that designed throws are compared with: throws at rand
 trace of each alone.
 """
 
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -254,6 +255,11 @@ class Planner:
         coordinates = self._coordinates[0]
         whitened = np.einsum("pi,kpq,qi->k", coordinates, self._reference.expected[0], coordinates, optimize=True)
         return np.asarray(whitened * self.config.share / coordinates.shape[1])
+
+    @property
+    def reference_digest(self) -> str:
+        """Digest of the reference releases; scores of other ones do not compare."""
+        return hashlib.sha256(self._reference.states.tobytes()).hexdigest()[:16]
 
     def _checked_batch(self, candidates: Candidates, known: Sequence[Accumulated], count: int) -> Candidates | None:
         """The greedy batch of those that keep the limits by many executions, too, and that the thrower can make."""

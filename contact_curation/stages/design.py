@@ -335,9 +335,12 @@ class DesignStage:
 
     def _reference_scores(self, version: str) -> list[Array]:
         """Of a theta and the last one that was asked about before, that one first; kept on disk for a restart."""
-        known = load_record(self._states.load, ReferenceScores) or ReferenceScores({})
+        planner = self._design(version).planner
+        known = load_record(self._states.load, ReferenceScores)
+        if known is None or known.throws != planner.reference_digest:  # of a designer with other settings
+            known = ReferenceScores({}, planner.reference_digest)
         if version not in known.scores:
-            scores = {**known.scores, version: tuple(self._design(version).planner.reference_scores().tolist())}
-            known = ReferenceScores(dict(list(scores.items())[-2:]))
+            scores = {**known.scores, version: tuple(planner.reference_scores().tolist())}
+            known = replace(known, scores=dict(list(scores.items())[-2:]))
             self._states.save(stored_records(known))
         return [np.array(scores) for scores in known.scores.values()]

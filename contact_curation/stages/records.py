@@ -318,10 +318,11 @@ class FirstLoss:
 
 @dataclass(frozen=True)
 class ReferenceScores:
-    """Scores of the reference throws, by version of theta, the newest last."""
+    """Scores of the reference throws, by version of theta, the newest last, and the digest of these throws."""
 
     KEY: ClassVar = "reference scores"
     scores: Mapping[str, tuple[float, ...]]
+    throws: str = ""
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,21 @@ def test_theta_is_trusted_when_tosses_fit_it_and_the_theta_before_it_was_like_it
     assert proposal.throw.expected_information > 0.0
 
 
+def test_thetas_are_compared_by_the_same_reference_throws_after_a_restart_with_others(states: StateStore) -> None:
+    known(stage := DesignStage(CUBE, CONFIG, states, TRUE), 3)
+    assert stage.distrust() == "thetas: found 1, expected two that agree"
+    again = DesignStage(CUBE, replace(CONFIG, planner=replace(SMALL, reference=16)), states)
+    again.renew(NEARLY.geometry)
+    infos = [info for info in NEARLY.scorer.score(simulated_tosses(3, 0)) if isinstance(info, TossInformation)]
+    for info in infos:
+        again.add(info, 5)
+    again.select(RankedBuffer(tuple(info.toss_id for info in infos)))
+    assert again.distrust() == "thetas: found 1, expected two that agree"
+    again.renew(TRUE)
+    known(again, 3)
+    assert again.distrust() is None
+
+
 def test_a_theta_of_another_body_is_forgotten(states: StateStore) -> None:
     DesignStage(CUBE, CONFIG, states).renew(NEARLY.geometry)
     assert DesignStage(CUBE, CONFIG, states).version == NEARLY.version
