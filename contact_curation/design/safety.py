@@ -49,7 +49,7 @@ class SafetyConfig:
         keep_out_place: x and y of the axis of a cylinder around the thrower [m].
         keep_out_radius: radius of that cylinder, which the body's centre does not enter after the first contact [m]; 0 for no
             cylinder.
-        share: share of the simulated executions that may violate a limit.
+        share: share of the simulated executions that may violate each limit.
         executions: simulated executions that are checked at release.
         motions: simulated executions whose whole motion is checked.
         seed: random seed of the executions.
