@@ -104,7 +104,8 @@ def import_poses(
             if not count:
                 raise UnreadableInputError(table.path, f"found no pose ({first}), expected one in each row")
             if count > 1 and writer.seconds == seconds:
-                raise UnreadableInputError(table.path, f"found the same time in all {count} rows, expected a time of each")
+                what = f"found no row of {count} that is later than the one before it"
+                raise UnreadableInputError(table.path, f"{what}, expected a time of each, in order")
             left_out += [f"{table.path}: left out {rows} rows without a pose ({first})"] if rows else []
             others = table.of_others
             left_out += [f"{table.path}: left out {others} rows of other bodies than {body.name}"] if others else []

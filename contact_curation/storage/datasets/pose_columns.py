@@ -39,6 +39,9 @@ UNITS_OF_ANGLE = {
 UNITS_OF_LENGTH = {
     **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
     **dict.fromkeys(("mm", "millimeter", "millimeters", "millimetre", "millimetres"), 0.001),
+    **dict.fromkeys(("um", "micrometer", "micrometers", "micrometre", "micrometres"), 1e-6),
+    **dict.fromkeys(("dm", "decimeter", "decimeters", "decimetre", "decimetres"), 0.1),
+    **dict.fromkeys(("yd", "yard", "yards"), 0.9144),
     **dict.fromkeys(("cm", "centimeter", "centimeters", "centimetre", "centimetres"), 0.01),
     **dict.fromkeys(("in", "inch", "inches"), 0.0254),
     **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
@@ -109,7 +112,10 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
         sorted((at for at, one in enumerate(told) if one.kind == kind), key=lambda at: _doubt(set(words_of(names[at])), near))
         for kind in ("time", DATE_WORD)
     )
-    length = UNITS_OF_LENGTH.get(_unit(names[pose[0]]), UNITS_OF_LENGTH.get(length_unit.lower(), 1.0))
+    otherwise = UNITS_OF_LENGTH.get(length_unit.lower(), 1.0)
+    length, *other_lengths = {UNITS_OF_LENGTH.get(_unit(names[at]), otherwise) for at in pose[: len(POSITION)]}
+    if other_lengths:
+        raise ColumnsError(f"positions of different units ({', '.join(names[at] for at in pose[: len(POSITION)])})")
     for at in times:
         for beside in times:
             words, others = set(words_of(names[at])), set(words_of(names[beside]))
@@ -201,6 +207,6 @@ def _doubt(words: set[str], near: set[str]) -> tuple[bool, int, int]:
 
 
 def _unit(name: str) -> str:
-    """The unit of a column: in brackets, else the name's last word."""
-    bracketed = re.search(r"[\[(]\s*(\w+|°)\s*[\])]", name)
-    return bracketed[1].lower() if bracketed else (words_of(name) or [""])[-1]
+    """The unit of a column: in the last brackets, else the name's last word."""
+    bracketed = re.findall(r"[\[(]\s*(\w+|°)\s*[\])]", name)
+    return bracketed[-1].lower() if bracketed else (words_of(name) or [""])[-1]

@@ -15,7 +15,8 @@ from decimal import Decimal, InvalidOperation
 from functools import partial
 from itertools import islice, pairwise, takewhile
 from pathlib import Path
-from statistics import median
+from statistics import median, median_low
+from typing import NamedTuple
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError, why_unreadable
 from contact_curation.geometry.scalars import ScalarPose
@@ -58,6 +59,8 @@ LARGEST_TIME, SLOWEST_RATE = Decimal(1 << 62), 1e-3
 COMMENTS, SEPARATORS = ("#", "%"), (";", "\t", ",", None)
 NAMING_WORDS = {"name", "id", "body", "object", "subject", "target", "tag", "marker", "rigid", "child", "frame"}
 """Of a column that says whose pose a row has."""
+FRAME_WORDS, COUNTING_WORDS = {"frame", "frames"}, {"number", "num", "nr", "no", "index", "idx", "id", "count"}
+"""Of a column with the numbers of frames."""
 FEWEST = len(POSITION) + len(ANGLES)
 """Numbers of a row."""
 
@@ -100,16 +103,14 @@ class PoseTable:
         self._period_ns = None if rate is None else NANOSECONDS / rate
         self._to_quaternion = self._orientations(angles)
         self._whose = self._column_of_names()
+        self._frames = None if rate is None else self._column_of_frames()
         self._unit = self._columns.time_unit or (1 if rate is not None else self._unit_by_steps())
 
     def __iter__(self) -> Iterator[tuple[int, ScalarPose]]:
         """Stamps [ns] as in the file, and poses in metres."""
         left_out, first = 0, ""
         self.left_out, self.of_others = (left_out, first), 0
-        for row, (line, values) in enumerate(self._rows()):
-            if self._whose is not None and self._whose < len(values) and values[self._whose] != self._name:
-                self.of_others += 1
-                continue
+        for row, (line, values) in enumerate(self._own_rows()):
             try:
                 if len(values) < self._columns.fewest:
                     raise _NoPose(f"found {len(values)} values, expected {self._columns.fewest}")
@@ -120,7 +121,7 @@ class PoseTable:
 
     def _stamp_ns(self, row: int, values: Sequence[str]) -> int:
         if self._period_ns is not None:
-            return round(row * self._period_ns)
+            return round((row if self._frames is None else self._frames.poses_at(values)) * self._period_ns)
         time, beside, day = (None if at is None else values[at] for at in (*self._columns[:2], self._columns.date))
         time = time or ""
         if (number := _time(time)) is not None:
@@ -180,6 +181,8 @@ class PoseTable:
             if at in used or not words or not words <= NAMING_WORDS:
                 continue
             found = list(dict.fromkeys(values[at] for values in rows if at < len(values)))
+            if _numbers_frames(words) and all(_time(one) is not None for one in found):
+                continue
             if not 1 < len(found) <= len(rows) // 2:  # else rows are numbered
                 continue
             called = self._called(found)
@@ -189,6 +192,17 @@ class PoseTable:
             which = "several" if called else "none"
             what = f"poses of {', '.join(found[:MOST_NAMES])} in column {name!r}, {which} of them {self._body}'s"
             raise UnreadableInputError(self.path, f"found {what}; name the body (--body-name), or give the rows of one")
+        return None
+
+    def _column_of_frames(self) -> "_Frames | None":
+        """The column that numbers the frames of a camera, if it has numbers that grow: some may have no row."""
+        rows = [values for _, values in islice(self._own_rows(), LOOKED_AT)]
+        for at, name in enumerate(self._names):
+            numbers = [_time(values[at]) for values in rows if at < len(values)] if _numbers_frames(set(words_of(name))) else []
+            known = [number for number in numbers if number is not None]
+            steps = [later - earlier for earlier, later in pairwise(known) if later > earlier]
+            if steps and known == numbers:
+                return _Frames(at, median_low(steps))
         return None
 
     def _called(self, names: Sequence[str]) -> list[str]:
@@ -224,6 +238,14 @@ class PoseTable:
             if number >= self._first_line and line and not line.startswith(COMMENTS):
                 yield number, _parts(line, self._separator)
 
+    def _own_rows(self) -> Iterator[tuple[int, list[str]]]:
+        """Those of the body, where a column says whose they are; counts the others."""
+        for line, values in self._rows():
+            if self._whose is not None and self._whose < len(values) and values[self._whose] != self._name:
+                self.of_others += 1
+            else:
+                yield line, values
+
     def _header(self) -> PoseColumns:
         """The columns; finds the first row, and what separates its values."""
         before: list[str] = []
@@ -255,6 +277,25 @@ class PoseTable:
 
 class _NoPose(Exception):
     """Of a row: what it is in place of a pose."""
+
+
+class _Frames(NamedTuple):
+    """The column with numbers of frames, and how many of them a pose takes where none is missing."""
+
+    column: int
+    step: Decimal
+
+    def poses_at(self, values: Sequence[str]) -> float:
+        """How many poses after frame 0 a row is."""
+        number = _time(values[self.column]) if self.column < len(values) else None
+        if number is None:
+            raise _NoPose("found no number of its frame, expected one")
+        return float(number / self.step)
+
+
+def _numbers_frames(words: set[str]) -> bool:
+    """Whether a column with such a name numbers frames, if it has numbers."""
+    return bool(words & FRAME_WORDS) and words <= FRAME_WORDS | COUNTING_WORDS
 
 
 def _parts(line: str, separator: str | None) -> list[str]:

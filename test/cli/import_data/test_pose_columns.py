@@ -123,9 +123,20 @@ def test_rows_of_several_bodies_of_almost_the_wanted_name_are_refused(tmp_path: 
         PoseTable(tmp_path / "poses.csv", body="cube")
 
 
-def test_one_time_in_all_rows_is_refused(cli: Cli, tmp_path: Path) -> None:
-    (tmp_path / "poses.csv").write_text("\n".join(["date,x,y,z,qx,qy,qz,qw", *["2026-11-28,0,0,1,0,0,0,1"] * 20]))
+def test_the_unit_of_a_length_is_that_in_the_last_brackets() -> None:
+    for unit, metres in (("mm", 1e-3), ("um", 1e-6), ("dm", 0.1), ("yards", 0.9144)):
+        assert columns_of(["t", *(f"{axis} (cube) [{unit}]" for axis in "xyz"), "qx", "qy", "qz", "qw"]).length == metres
+
+
+def test_positions_of_different_units_are_refused() -> None:
+    with pytest.raises(ColumnsError, match=r"positions of different units \(x, y, z_mm\)"):
+        columns_of(["t", "x", "y", "z_mm", "qx", "qy", "qz", "qw"])
+
+
+@pytest.mark.parametrize("times", [["2026-11-28"] * 20, [f"{1.0 - 0.01 * row}" for row in range(20)]], ids=["one", "backwards"])
+def test_times_that_never_grow_are_refused(cli: Cli, times: list[str], tmp_path: Path) -> None:
+    (tmp_path / "poses.csv").write_text("\n".join(["date,x,y,z,qx,qy,qz,qw", *(f"{time},0,0,1,0,0,0,1" for time in times)]))
     done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap")
     assert (done.status, done.err.count("\n")) == (1, 1)
-    assert "found the same time in all 20 rows, expected a time of each" in done.err
+    assert "found no row of 20 that is later than the one before it, expected a time of each, in order" in done.err
     assert not (tmp_path / "poses.mcap").exists()

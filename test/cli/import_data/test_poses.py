@@ -179,6 +179,31 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
     assert (done.status, done.json["poses"], done.json["seconds"]) == (0, 101, 2.0)
 
 
+@pytest.mark.parametrize("every", [1, 3])
+@pytest.mark.parametrize("name", ["Frame", "frame_number"])
+def test_numbers_of_frames_are_times_at_a_rate_so_that_missing_rows_are_a_gap(name: str, every: int, tmp_path: Path) -> None:
+    frames = [every * frame for frame in (0, 1, 2, 3, 9, 10, 11)]
+    (tmp_path / "a.csv").write_text("\n".join([f"{name},x,y,z,qx,qy,qz,qw", *(f"{one},0,0,1,0,0,0,1" for one in frames)]))
+    stamps = [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv", rate=50.0)]
+    assert stamps == [20_000_000 * frame // every for frame in frames]
+
+
+@pytest.mark.parametrize("name", ["frame", "note"])
+def test_rows_of_other_bodies_take_no_time_at_a_rate(name: str, tmp_path: Path) -> None:
+    rows = [f"{row // 2},{'ball' if row % 2 else 'cube'},0,0,1,0,0,0,1" for row in range(20)]
+    (tmp_path / "a.csv").write_text("\n".join([f"{name},body,x,y,z,qx,qy,qz,qw", *rows]))
+    stamps = [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv", rate=50.0, body="cube")]
+    assert stamps == [20_000_000 * frame for frame in range(10)]
+
+
+@pytest.mark.parametrize("frames", ["7777777777", "a1 a2 a3 a4 a5 a6 a7 a8 a9 a0"])
+def test_a_column_of_frames_that_numbers_none_is_none(frames: str, tmp_path: Path) -> None:
+    rows = [f"{one},0,0,1,0,0,0,1" for one in (frames.split() if " " in frames else frames)]
+    (tmp_path / "a.csv").write_text("\n".join(["frame,x,y,z,qx,qy,qz,qw", *rows]))
+    stamps = [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv", rate=50.0)]
+    assert stamps == [20_000_000 * frame for frame in range(10)]
+
+
 @pytest.mark.parametrize(
     ("content", "options", "said"),
     [
