@@ -80,6 +80,7 @@ class Recording:
         outcomes: tosses and rejected motions.
         losses: what could not be read, one line each.
         taken_as_on_board: whether poses in another frame than the board's are taken as given on it.
+        only_inverted: what is wrong where others move in the body's frame, and nothing has a pose of it; else empty.
         stamps_done: what was done to header stamps that jitter; empty where all are as they came.
         tracker: how noisy a tracker the bounds of segmenter and quality checks were for, in the end.
         tags: how well detected corners fit the tag map; None without one.
@@ -101,6 +102,7 @@ class Recording:
     outcomes: tuple[Toss | Rejected, ...] = ()
     losses: tuple[str, ...] = ()
     taken_as_on_board: bool = False
+    only_inverted: str = ""
     stamps_done: str = ""
     tracker: TrackerScale = RIG
     tags: TagFit | None = None
@@ -175,6 +177,7 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
         outcomes=tuple(outcomes),
         losses=reader.losses,
         taken_as_on_board=tosses.taken_as_on_board,
+        only_inverted=tosses.only_inverted,
         stamps_done=tosses.stamps_done,
         tracker=tosses.tracker,
         tags=_tag_fit(reader, tosses, watched.counted, config),

@@ -256,6 +256,7 @@ class BagTosses:
         self._detections = config.poses.detections(body.name)
         self._ingest = TossIngest(stages, body, source=source.body.name, placed=placed)
         self._frames: set[str] = set()
+        self._children, self._carrying = set[str](), set[str]()
         self._parent: str | None = None
         self._first_ns: int | None = None
         self._last_ns: int | None = None
@@ -277,6 +278,8 @@ class BagTosses:
         for measured in found:
             if isinstance(measured, FramePose):
                 self._frames.update((measured.parent, measured.child))
+                self._children.add(measured.child)
+                self._carrying.update(() if measured.static else (measured.parent,))
             if isinstance(measured, FramePose) and topic == self.source.body.name:
                 self._parent = measured.parent if self._parent is None else self._parent
                 self._first_ns = measured.stamp_ns if self._first_ns is None else self._first_ns
@@ -291,6 +294,7 @@ class BagTosses:
         """Yields the tosses and rejected motions that successive messages complete."""
         found, stamps = run.measured, run.measured.poses.stamps_ns
         self._frames.update((found.parent, found.child))
+        self._children.add(found.child)
         if run.topic == self.source.body.name:
             self._parent = found.parent if self._parent is None else self._parent
             self._first_ns = int(stamps[0]) if self._first_ns is None else self._first_ns
@@ -337,6 +341,8 @@ class BagTosses:
                 wanted = ", since all were left out"
             elif not poses and self.source.other_tags:
                 wanted += f", or poses of tags from {' or '.join(self.source.other_tags)} (--topic)"
+            elif self.only_inverted:
+                wanted = f": {self.only_inverted}"
             elif not poses:
                 wanted += " (--body-frame, --board-frame)"
             yield f"found no toss in {poses} poses of {self.source.body.name}{wanted}{CHECK if poses else ''}"
@@ -367,6 +373,14 @@ class BagTosses:
         wanted = self.source.wanted_board
         names = {wanted, wanted.removeprefix(BODY_PREFIX)}
         return bool(wanted) and not self.source.board_frame and self._parent is not None and self._parent not in names
+
+    @property
+    def only_inverted(self) -> str:
+        """What is wrong where others move in the body's frame, and nothing has a pose of it, one line; else empty."""
+        frame = self.source.body_frame
+        if frame not in self._carrying - self._children:
+            return ""
+        return f"found poses of others in {frame}, expected those of {frame} in others: publish the inverse"
 
     @property
     def _board(self) -> str:

@@ -22,6 +22,8 @@ from contact_curation.motion.gate_config import GateConfig
 from contact_curation.motion.pose_stream import FramePose, FrameRun, PoseRun
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.motion.toss import Rejected, Toss
+from contact_curation.pipeline.diagnosis import diagnose
+from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.inputs.bag_tosses import in_order_of_stamps
 from contact_curation.storage.inputs.inputs import InputsConfig, InputSummary, Problem, open_inputs
 from contact_curation.storage.inputs.pose_messages import (
@@ -351,6 +353,19 @@ def test_poses_that_nothing_connects_to_the_board_are_counted(tmp_path: Path) ->
     assert "expected poses that lead from frame 'body_surface' to frame 'map'" in first
     assert "frames here: body_surface, world" in first
     assert f"found no toss in 0 poses of {BODY}: found body_cube, body_surface, map, world, expected frames" in second
+
+
+@pytest.mark.parametrize("of_others", [False, True])
+def test_a_recording_of_the_board_in_the_body_is_told_to_publish_the_inverse(of_others: bool, tmp_path: Path) -> None:
+    frames = ("body_cube", "body_surface") if not of_others else ("body_surface", "tag")
+    inverted = [FramePose(one.stamp_ns, *frames, one.pose) for one in ON_BOARD]
+    fixed = FramePose(0, "body_cube", "tag36h11:0", ON_BOARD[0].pose, static=True)  # a tag of the body is nothing inverted
+    sent = [Sent("/tf_static", LOG_OFFSET_NS, transforms([fixed]))]
+    sent += [Sent("/tf", one.stamp_ns + LOG_OFFSET_NS, transforms([one])) for one in inverted]
+    bag = write_ours(tmp_path / "a.mcap", sent)
+    said = "found poses of others in body_cube, expected those of body_cube in others: publish the inverse"
+    for line in (lines(opened(bag)[0])[-1], diagnose([bag], ReadingConfig(CONTACTNETS_CUBE)).verdict):
+        assert (said in line) != of_others, line
 
 
 def test_poses_that_are_none_are_told_by_kind_and_break_their_toss(tmp_path: Path) -> None:

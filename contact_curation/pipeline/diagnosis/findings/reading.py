@@ -39,12 +39,13 @@ def without_a_message(evidence: Evidence) -> Finding | None:
         if one.why_bad or one.losses:
             why = next(iter(one.why_bad.values()), "") or one.losses[0].removeprefix(f"{one.name}: ")
             return f"none of {read} gives a pose of {one.source.body_frame}: {why}"
-        return f"no pose of {one.source.body_frame} in {read}; frames there: {seen}"
+        none = f"no pose of {one.source.body_frame} in {read}"
+        return f"{none}: {one.only_inverted}" if one.only_inverted else f"{none}; frames there: {seen}"
 
     found = by_recording(evidence, line)
     if not found:
         return None
-    explained = any(one.why_bad or one.losses for one in evidence.recordings if one.name in found)
+    explained = any(one.why_bad or one.losses or one.only_inverted for one in evidence.recordings if one.name in found)
     return Finding(
         Severity.FAULT, of_recordings(evidence, found), "" if explained else "name the body's frame with --body-frame"
     )
