@@ -34,6 +34,9 @@ UNITS = {"metres": 1.0, "feet": 3.28084, "inches": 39.3701, "centimetres": 100.0
 NEAREST_UNIT = 1.5
 """Times gravity in a unit, either way: outside, an acceleration is gravity in none."""
 
+CERTAIN_UNIT = 1.05
+"""Likewise: within it a fall along an axis is one in that unit, however much poses scatter if they were in metres."""
+
 WORTH_MOVE = 0.03
 """Of a body's size: what its centre of mass may be away from where it is described."""
 
@@ -181,7 +184,8 @@ class Evidence:
         angles = {name: _degrees(self.gravity, np.array(axis, float)) for name, axis in AXES.items()}
         axis = min(angles, key=lambda name: angles[name])
         found = Fall(size, unit, axis if angles[axis] < STEEPEST else "", angles["-z"])
-        return None if self.is_too_noisy and not found.sound else found
+        certain = found.sound or (found.axis and 1.0 / CERTAIN_UNIT < ratios[unit] < CERTAIN_UNIT)
+        return None if self.is_too_noisy and not certain else found
 
     @cached_property
     def is_too_noisy(self) -> bool:

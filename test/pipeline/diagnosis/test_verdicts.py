@@ -64,6 +64,12 @@ def test_positions_on_a_map_grid_are_told_from_other_bad_poses(session: Session,
     assert "expected one within 1e+06 m: give positions from an origin near the board" in verdict
 
 
+def test_inches_of_throws_at_one_place_are_not_taken_for_noise(session: Session, tmp_path: Path) -> None:
+    noise = 8e-4 * np.random.default_rng(1).standard_normal((len(session.poses), 3))
+    write(tmp_path / "a.mcap", session.moved(lambda positions: 39.3701 * positions * [0.2, 0.2, 1.0] + noise))
+    assert "per s^2: inches? expected metres" in diagnosed(tmp_path / "a.mcap", BY_NAME["sound"]).verdict
+
+
 @pytest.mark.parametrize("name", ["10 mm low", "tilted 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
 def test_its_settings_mend_what_they_can(cli: Cli, session: Session, tmp_path: Path, name: str) -> None:
     bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME[name], simulated_session() if name.startswith("marker") else session)
