@@ -94,11 +94,13 @@ def _name(field: pa.Field) -> str:
 
 
 def _values(column: pa.ChunkedArray) -> list[object]:
-    """As Python has them, times in ns."""
+    """As Python has them, times in ns, those of day as text."""
     if pa.types.is_timestamp(column.type):
         column = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64())
     elif pa.types.is_duration(column.type):
         column = column.cast(pa.duration("ns")).cast(pa.int64())
+    elif pa.types.is_time(column.type):
+        column = column.cast(pa.string())
     return list(column.to_pylist())
 
 

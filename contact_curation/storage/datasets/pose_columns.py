@@ -63,7 +63,7 @@ class PoseColumns(NamedTuple):
     """Where the columns are: of times, nanoseconds beside whole seconds, position and orientation, and days beside times.
 
     Positions have a unit of so many metres; of the orientation `form` tells what its columns are, one of `FORMS`, and
-    `angle_unit` the unit that names of angles say.
+    `angle_unit` the unit that names of angles say. `other_time` is a column of times that may as well be meant.
     """
 
     time: int | None
@@ -74,6 +74,7 @@ class PoseColumns(NamedTuple):
     date: int | None
     form: tuple[str, ...]
     angle_unit: str
+    other_time: int | None = None
 
     @property
     def fewest(self) -> int:
@@ -108,10 +109,11 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
     if len(units) > 1:
         raise ColumnsError(f"angles of different units ({', '.join(names[at] for at in pose[len(POSITION) :])})")
     near = set(words_of(names[pose[0]]))
-    times, dates = (
-        sorted((at for at, one in enumerate(told) if one.kind == kind), key=lambda at: _doubt(set(words_of(names[at])), near))
-        for kind in ("time", DATE_WORD)
-    )
+
+    def doubt(at: int) -> tuple[bool, int, int]:
+        return _doubt(set(words_of(names[at])), near)
+
+    times, dates = (sorted((at for at, one in enumerate(told) if one.kind == kind), key=doubt) for kind in ("time", DATE_WORD))
     otherwise = UNITS_OF_LENGTH.get(length_unit.lower(), 1.0)
     length, *other_lengths = {UNITS_OF_LENGTH.get(_unit(names[at]), otherwise) for at in pose[: len(POSITION)]}
     if other_lengths:
@@ -120,10 +122,11 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
         for beside in times:
             words, others = set(words_of(names[at])), set(words_of(names[beside]))
             if words & WHOLE_SECONDS and words - WHOLE_SECONDS == others - NANOSECONDS_BESIDE:
-                return PoseColumns(at, beside, NANOSECONDS, pose, length, None, form, *units)
+                return PoseColumns(at, beside, NANOSECONDS, pose, length, None, form, units.pop())
     time, date = next(iter([*times, *dates]), None), next(iter(dates), None)
     time_unit = None if time is None else UNITS_OF_TIME.get(_unit(names[time]))
-    return PoseColumns(time, None, time_unit, pose, length, date, form, *units)
+    other = next((at for at in times[1:2] if doubt(at) == doubt(times[0])), None)
+    return PoseColumns(time, None, time_unit, pose, length, date, form, units.pop(), other)
 
 
 def words_of(name: str) -> list[str]:

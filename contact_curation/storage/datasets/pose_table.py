@@ -152,7 +152,11 @@ class PoseTable:
         """
         form, told = self._columns.form, self._columns.angle_unit
         named = [self._names[at] for at in self._columns.pose[len(POSITION) :]] if self._names else []
-        self.assumed = f"{named[0]} to {named[-1]} are taken as a rotation matrix row by row" if form in NUMBERED else ""
+        taken = [f"{named[0]} to {named[-1]} are taken as a rotation matrix row by row"] if form in NUMBERED else []
+        time, other = self._columns.time, self._columns.other_time
+        if time is not None and other is not None:
+            taken += [f"times are taken from {self._names[time]}, not from {self._names[other]}: leave out the wrong one"]
+        self.assumed = "; ".join(taken)
         if form != ANGLES:
             if angles != UNTOLD:
                 given = " ".join(filter(None, (angles.order, angles.unit)))

@@ -49,6 +49,15 @@ def test_poses_are_those_of_the_table(kind: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal([pose.position for pose in poses], POSITIONS)
 
 
+def test_times_of_day_go_with_days_and_keep_their_nanoseconds(tmp_path: Path) -> None:
+    day = pa.array(["2026-11-28"] * ROWS).cast(pa.date32())
+    of_day = pa.array([stamp_ns - STAMPS_NS[0] + 1 for stamp_ns in STAMPS_NS], pa.time64("ns"))
+    pq.write_table(pa.table({"date": day, "time": of_day, **FLAT}), tmp_path / "poses.parquet")
+    stamps = [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "poses.parquet")]
+    assert stamps[0] == 1_795_824_000_000_000_001
+    np.testing.assert_array_equal(np.diff(stamps), np.diff(STAMPS_NS))
+
+
 def test_rows_without_a_pose_are_counted(cli: Cli, tmp_path: Path) -> None:
     x = pa.array([None if row % 4 == 0 else 0.1 for row in range(ROWS)])
     pq.write_table(pa.table({"time": STAMPS_NS, **FLAT, "x": x}), tmp_path / "poses.parquet")

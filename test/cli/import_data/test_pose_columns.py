@@ -123,6 +123,15 @@ def test_rows_of_several_bodies_of_almost_the_wanted_name_are_refused(tmp_path: 
         PoseTable(tmp_path / "poses.csv", body="cube")
 
 
+@pytest.mark.parametrize(("names", "said"), [("stamp_received,stamp_camera", True), ("recv_time,time", False)])
+def test_of_two_columns_that_may_be_the_times_it_says_which_is_taken(names: str, said: bool, cli: Cli, tmp_path: Path) -> None:
+    rows = [f"{0.01 * row:.6g},{0.01 * row:.6g},0,0,1,0,0,0,1" for row in range(20)]
+    (tmp_path / "poses.csv").write_text("\n".join([f"{names},x,y,z,qx,qy,qz,qw", *rows]))
+    done = cli("import", "poses", tmp_path / "poses.csv", "--out", tmp_path / "poses.mcap")
+    line = "times are taken from stamp_received, not from stamp_camera: leave out the wrong one"
+    assert (done.status, line in done.err, bool(done.err)) == (0, said, said)
+
+
 def test_the_unit_of_a_length_is_that_in_the_last_brackets() -> None:
     for unit, metres in (("mm", 1e-3), ("um", 1e-6), ("dm", 0.1), ("yards", 0.9144)):
         assert columns_of(["t", *(f"{axis} (cube) [{unit}]" for axis in "xyz"), "qx", "qy", "qz", "qw"]).length == metres
