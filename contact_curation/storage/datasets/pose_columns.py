@@ -20,8 +20,8 @@ QUATERNION_WORDS, ANGLE_WORDS = {"q", "quat", "quaternion"}, {"euler", "angle", 
 ORIENTATION_WORDS = {"orient", "orientation", "rot", "rotation", "attitude", *QUATERNION_WORDS, *ANGLE_WORDS}
 MATRIX_WORDS = {"r", "m", "rot", "rotation", "mat", "matrix", "rotmat", "dcm"}
 NAMED_ANGLES = {"roll": "ax", "pitch": "ay", "yaw": "az"}
-WHOLE_SECONDS, NANOSECONDS_BESIDE = {"sec", "secs"}, {"nanosec", "nanosecs", "nsec", "nsecs"}
-TIME_WORDS = {"t", "time", "timestamp", "stamp", "datetime", "seconds", "nanoseconds", "ns"}
+WHOLE_SECONDS, NANOSECONDS_BESIDE = {"sec", "secs", "seconds"}, {"nanosec", "nanosecs", "nsec", "nsecs", "nanoseconds"}
+TIME_WORDS = {"t", "time", "timestamp", "stamp", "datetime", "ns"}
 TIME_WORDS |= WHOLE_SECONDS | NANOSECONDS_BESIDE
 DATE_WORD = "date"
 """Of a column of days, beside times of day."""
@@ -30,6 +30,7 @@ OTHER_WORDS = {"v", "vel", "velocity", "twist", "angular", "linear", "acc", "acc
 
 UNITS_OF_TIME = {
     "s": NANOSECONDS, "seconds": NANOSECONDS, "secs": NANOSECONDS, "sec": NANOSECONDS,
+    "min": 60 * NANOSECONDS, "minutes": 60 * NANOSECONDS, "h": 3600 * NANOSECONDS, "hours": 3600 * NANOSECONDS,
     "ms": 1_000_000, "milliseconds": 1_000_000, "us": 1_000, "microseconds": 1_000, "ns": 1, "nanoseconds": 1,
 }  # fmt: skip
 UNITS_OF_ANGLE = {

@@ -125,7 +125,8 @@ class PoseTable:
         time, beside, day = (None if at is None else values[at] for at in (*self._columns[:2], self._columns.date))
         time = time or ""
         if (number := _time(time)) is not None:
-            return int(number * self._unit) + int((_time(beside) if beside else None) or 0)
+            more = (_time(beside) if beside and number == int(number) else None) or 0
+            return int(number * self._unit) + int(more if more < NANOSECONDS else 0)  # else another time, whole by itself
         seconds = _date(time)
         if seconds is None and day is not None:
             time = f"{day} {time}"

@@ -97,6 +97,19 @@ def test_a_column_named_date_may_have_the_time_too_and_may_stand_beside_seconds(
     assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "b.csv")] == [5_000_000_000, 5_250_000_000]
 
 
+@pytest.mark.parametrize(("second", "nanosecond"), [("7", "250000000"), ("7.25", "7250000000"), ("7.25", "250000000")])
+def test_nanoseconds_beside_seconds_count_where_they_are_a_part_of_them(second: str, nanosecond: str, tmp_path: Path) -> None:
+    rows = [f"{one},0,0,1,0,0,0,1" for one in ("6,0", f"{second},{nanosecond}")]
+    (tmp_path / "a.csv").write_text("\n".join(["seconds,nanoseconds,x,y,z,qx,qy,qz,qw", *rows]))
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv")] == [6_000_000_000, 7_250_000_000]
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("min", 60), ("hours", 3600)])
+def test_times_may_be_in_minutes_and_hours(unit: str, seconds: int, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(f"time [{unit}],x,y,z,qx,qy,qz,qw\n1,0,0,1,0,0,0,1\n1.5,0,0,1,0,0,0,1")
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv")] == [seconds * 10**9, 3 * seconds * 10**9 // 2]
+
+
 def test_the_bag_begins_with_the_first_pose(cli: Cli, tmp_path: Path) -> None:
     (tmp_path / "poses.txt").write_text("1600000000 0 0 1 0 0 0 1\n1600000000.5 0 0 1 0 0 0 1")
     cli("import", "poses", tmp_path / "poses.txt", "--out", tmp_path / "poses.mcap")
