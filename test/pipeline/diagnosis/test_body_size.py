@@ -43,6 +43,18 @@ def test_a_body_of_another_size_lies_on_each_face_as_high_as_its_depth_says(
     assert other_shape(evidence) is None
 
 
+def test_where_nothing_is_seen_of_the_centre_of_mass_a_marker_beside_the_body_looks_alike(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    alike = "record more throws: the same is seen of a marker beside the body"
+    found = other_size(seen(Rig(), 0.92))
+    monkeypatch.setattr(Evidence, "mass_centre", None)
+    unsure = other_size(seen(Rig(), 0.92))
+    assert found is not None
+    assert unsure is not None
+    assert (alike in found.remedy, alike in unsure.remedy) == (False, True)
+
+
 def test_settings_do_not_hide_the_size_of_a_body() -> None:
     alone, short = (concluded(seen(Rig(scale=scale), 0.92)) for scale in (1.0, 1.03))
     for found in (alone, short):

@@ -139,7 +139,10 @@ def other_size(evidence: Evidence) -> Finding | None:
         f"the body is {100.0 * abs(off):.0f} % {larger} than {evidence.body.name} as described ({1e3 * width:.0f} mm wide), "
         f"at rest and {'on its edges' if on_edges else 'on one face as on others'}"
     )
-    return Finding(Severity.FAULT if large else Severity.WARNING, what, "measure the body and correct its --body file")
+    remedy = "measure the body and correct its --body file"
+    if evidence.mass_centre is None:  # too few flights to see what bodies turn about
+        remedy += ", or record more throws: the same is seen of a marker beside the body"
+    return Finding(Severity.FAULT if large else Severity.WARNING, what, remedy)
 
 
 def moving_parts(evidence: Evidence) -> Finding | None:
