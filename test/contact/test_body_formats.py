@@ -551,6 +551,10 @@ BROKEN = {
     "empty.stl": (b"", "expected 84 of an STL file"),
     "empty.obj": (b"", "found no triangles|is no mesh"),
     "words.obj": (b"v 1 2 x\nf 1 1 1\n", "is no mesh|found no triangles"),
+    "polygon.off": (
+        b"OFF\n5 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n5 0 1 2 3 4\n3 0 1 4\n",
+        "found a face of more than four corners, expected triangles, or the same mesh as OBJ or PLY",
+    ),
     "flat.obj": (obj_text(corners_mm() * [1, 1, 0]).encode(), "in one plane"),
     "huge.obj": (obj_text(corners_mm() * 1e9).encode(), "coordinates that are no lengths"),
     "thing.dae": (b"<COLLADA/>", r"is COLLADA, expected one of \.stl, \.obj, \.ply, \.off: convert it to STL or OBJ"),

@@ -53,6 +53,10 @@ CONCAVE = 1e-4
 """Share of the hull's volume that a mesh may lack and still be convex, but for rounding."""
 
 
+POLYGONS = "found a face of more than four corners, expected triangles, or the same mesh as OBJ or PLY"
+"""Which trimesh reads in all formats but OFF."""
+
+
 class Mesh(NamedTuple):
     """What a mesh file holds.
 
@@ -198,7 +202,9 @@ def _loaded(path: Path, data: bytes) -> Any:
     try:
         return load_mesh(BytesIO(data), file_type=kind.removeprefix("."), skip_materials=True, process=False)
     except Exception as error:  # its readers end in errors of any kind
-        raise UnreadableInputError(path, f"is no mesh ({type(error).__name__}: {str(error)[:80]})") from error
+        polygons = kind == ".off" and isinstance(error, TypeError)
+        why = POLYGONS if polygons else f"is no mesh ({type(error).__name__}: {str(error)[:80]})"
+        raise UnreadableInputError(path, why) from error
 
 
 def _kind_of_stl(path: Path, data: bytes) -> str:
