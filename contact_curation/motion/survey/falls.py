@@ -52,14 +52,12 @@ STILL = 0.003
 """A body is still that is slower than what gravity gives it in this time [s]."""
 
 SCATTERED = 3.5
-"""Standard deviations per axis that velocities and accelerations at rest, and those of falls, seldom exceed."""
+"""Standard deviations per axis that velocities and accelerations at rest seldom exceed."""
 
-NOISIEST = 0.7
-"""Share of the shared acceleration: where noise moves windows further from it, no falls are told from noise."""
-
-ALIKE, ROUNDS = 2.5, 3
-"""Where noise hides which windows are alike: standard deviations per axis by which they may differ; and how often flights are
-looked for, each time by the mean acceleration of the flights before, since those found first are of one error."""
+ALIKE, NOISIEST, ROUNDS = 2.5, 0.5, 3
+"""Where noise hides which windows are alike: standard deviations per axis by which they may differ; the largest share that this
+may be of their acceleration, or rests look like falls; and how often flights are looked for, each time by the mean acceleration
+of the flights before, since those found first are of one error."""
 
 STILL_WINDOWS = 4
 """In a row, for a rest."""
@@ -205,16 +203,16 @@ def _shared_acceleration(series: Sequence[PoseSeries], fits: Sequence[LocalFits]
         stretches = [_stretches(*each) for each in zip(range(len(fits)), series, fits, kept, strict=True)]
         shared = _most_alike(np.concatenate(rows), np.concatenate(stretches)) if rows else None
         if shared is not None and _is_hidden(shared, scatter := _scatter(series, fits, noise)):
-            shared = _most_alike(np.concatenate(rows), np.concatenate(stretches), ALIKE / SCATTERED * scatter)
+            shared = _most_alike(np.concatenate(rows), np.concatenate(stretches), scatter)
         if shared is not None:
             return shared
     return None
 
 
 def _scatter(series: Sequence[PoseSeries], fits: Sequence[LocalFits], noise: float) -> float:
-    """What noise seldom changes the acceleration of a window by more than."""
+    """By how much noise may set apart windows that are alike."""
     found = [fit.noises(one.period)[1] for one, fit in zip(series, fits, strict=True) if len(fit.first)]
-    return SCATTERED * noise * float(np.median(found)) if found else 0.0
+    return ALIKE * noise * float(np.median(found)) if found else 0.0
 
 
 def _is_hidden(shared: Array, scatter: float) -> bool:
