@@ -19,6 +19,7 @@ from contact_curation.errors import MissingDependencyError
 from contact_curation.information.curation import SUFFICIENT_EPSILON, Curation
 from contact_curation.information.diagnostics import block_shares
 from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.pipeline.division import DUPLICATE, HELD_OUT
 from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
@@ -42,7 +43,7 @@ TEXTS = ("toss", "file", "why")
 NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 HALF = 0.5
-"""Share of rejected tosses from which on a recording is named."""
+"""Share of rejected tosses from which on a recording is named, or the command that says what is wrong."""
 
 EARLIEST = 1e8
 """[s] Clocks that count from the start of a machine are below, those that count from 1970 above."""
@@ -299,7 +300,11 @@ def _totals(ranked: RankedTosses) -> Iterator[str]:
     yield f"scored with {run.estimator} at {run.parameters}: {transitions} transitions, {not_scored} not solved"
     if run.influence_bound != np.inf:
         yield f"losses above {run.influence_bound:.4g} count as that much"
-    yield from (f"rejected: {count} ({name})" for name, count in list(ranked.outcomes.items())[2:])
+    rejected = dict(list(ranked.outcomes.items())[2:])
+    yield from (f"rejected: {count} ({name})" for name, count in rejected.items())
+    bad = sum(count for name, count in rejected.items() if name not in (HELD_OUT, DUPLICATE))
+    if bad > HALF * (bad + len(scored)):
+        yield f"{bad} of {counted_tosses(bad + len(scored))} cannot be used: `contact-curation check` says why"
     yield from _worst_inputs(ranked)
     if ranked.warnings:
         yield f"warnings: {len(ranked.warnings)}"

@@ -122,6 +122,14 @@ def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path
     assert "certificate: D-efficiency at least" in cli("rank", golden, "--top", "8", "--criterion", "log-det").out
 
 
+@pytest.mark.parametrize(("shortest", "said"), [(0.3, False), (0.74, True)])
+def test_where_most_tosses_are_rejected_the_command_is_named_that_says_why(
+    shortest: float, said: bool, cli: Cli, golden: Path
+) -> None:
+    out = cli("rank", golden, "--no-figure", "--held-out", "12-23", "--set", f"segmenter.shortest={shortest}").out
+    assert ("tosses cannot be used: `contact-curation check` says why" in out) is said
+
+
 @pytest.mark.parametrize(("criterion", "estimator"), list(zip(criterion_names(), cycle(["empirical", "gauss-newton"]))))
 def test_every_criterion_and_estimator_ranks_every_sound_toss(cli: Cli, golden: Path, criterion: str, estimator: str) -> None:
     report = cli("rank", golden, "--criterion", criterion, "--estimator", estimator, "--top", "4", "--json").json
