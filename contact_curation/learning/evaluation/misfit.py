@@ -16,7 +16,7 @@ from contact_curation.contact.rollout import rollout
 from contact_curation.geometry import quaternions
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.rebounds import rebounds
-from contact_curation.motion.survey.sliding import NORMAL_95, Sliding, sliding
+from contact_curation.motion.survey.sliding import Sliding, sliding
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import Transitions, states_of, transitions_of
 
@@ -126,7 +126,7 @@ def sliding_in_words(found: Sliding | None, friction: float, interval: float) ->
         friction: learned.
         interval: half width of its 95 % interval by the fit alone.
     """
-    if found is None or abs(found.median - friction) <= interval + NORMAL_95 * found.median_error:
+    if found is None or abs(found.median - friction) <= interval + found.median_interval:
         return ""
     return (
         f"bodies that slide slow down by a friction of {found.median:.3f} (median of {len(found.friction)} tosses), the "

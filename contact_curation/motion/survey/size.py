@@ -15,8 +15,7 @@ from contact_curation.geometry.polytopes import Polytope
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import calibrated_poses
 from contact_curation.motion.survey.falls import Survey
-from contact_curation.motion.survey.rig import Estimate, RigEstimate
-from contact_curation.motion.survey.sliding import NORMAL_95
+from contact_curation.motion.survey.rig import RigEstimate
 
 FEWEST_THROWS = 6
 
@@ -26,12 +25,9 @@ HIGHER = 0.2
 USUAL = 0.96
 """What `size_ratio` is for a body as described: rounded corners make it small."""
 
-SMALLEST_ERROR = 0.02
-"""Boards give way and touches fall between frames: no ratio is claimed to be known better (standard deviation)."""
 
-
-def size_ratio(survey: Survey, polytope: Polytope, found: RigEstimate) -> Estimate | None:
-    """The body's size over its description's, with a 95 % interval; None where too few throws tumble over edges.
+def size_ratio(survey: Survey, polytope: Polytope, found: RigEstimate) -> float | None:
+    """The body's size over its description's; None where too few throws tumble over edges.
 
     Args:
         survey: of the poses.
@@ -49,12 +45,7 @@ def size_ratio(survey: Survey, polytope: Polytope, found: RigEstimate) -> Estima
         lever = -np.min(quaternions.to_matrix(orientations)[:, 2] @ polytope.vertices.T, axis=1)  # (n,)
         if (ratio := standing_ratio(positions[:, 2], lever)) is not None:
             ratios.append(ratio)
-    if len(ratios) < FEWEST_THROWS:
-        return None
-    value = densest(np.sort(ratios))
-    spread = 1.4826 * float(np.median(np.abs(np.array(ratios) - value))) / np.sqrt(len(ratios))
-    half = NORMAL_95 * float(np.hypot(1.25 * spread, SMALLEST_ERROR))  # 1.25: of a median
-    return Estimate(value, value - half, value + half)
+    return densest(np.sort(ratios)) if len(ratios) >= FEWEST_THROWS else None
 
 
 def standing_ratio(height: Array, lever: Array) -> float | None:

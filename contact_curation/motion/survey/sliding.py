@@ -24,8 +24,11 @@ STEADY, YAWING = 0.15, 0.4
 """Shares of this speed that its vertical speed and that of a corner by its tumbling may have, and that by its turning on the
 board, which lessens the friction along the way by less than a quarter of the share's square: by 4 %."""
 
-NORMAL_95 = 1.96
-"""Standard errors of a 95 % interval, on either side."""
+FALLING = 0.5
+"""A body whose vertical speed falls by more than this share of gravity is in the air, such as at the top of its flight."""
+
+CONFIDENCE = 0.975
+"""Quantile at the upper end of a 95 % interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +54,16 @@ class Sliding:
         scatter = 1.4826 * float(np.median(np.abs(self.friction - self.median)))
         return 1.25 * max(scatter, float(np.median(self.error))) / float(np.sqrt(len(self.friction)))
 
+    @property
+    def median_interval(self) -> float:
+        """Half of its 95 % interval: by Student's t of (K - 1) / 2 degrees of freedom, since a median tells the scatter."""
+        from scipy.special import stdtrit  # takes a tenth of a second to import
+
+        return float(stdtrit(0.5 * (len(self.friction) - 1), CONFIDENCE)) * self.median_error
+
     def farthest_from(self, friction: float) -> float:
         """How far the median may be from another friction, with 95 % confidence."""
-        return abs(self.median - friction) + NORMAL_95 * self.median_error
+        return abs(self.median - friction) + self.median_interval
 
     @property
     def variation(self) -> float:
@@ -86,8 +96,9 @@ def _of_toss(toss: Toss, radius: float, gravity: float) -> tuple[float, float] |
     steady = slides & (tumbling < STEADY * speed) & (yawing < YAWING * speed)
     seconds = 1e-9 * (toss.stamps_ns - toss.stamps_ns[0])
     edges = np.flatnonzero(np.diff(np.concatenate([[False], steady, [False]])))
-    runs = [_of_run(seconds[first:last], velocities[first:last, :2]) for first, last in _long(edges)]
-    slowed = np.array([run for run in runs if run is not None]).reshape(-1, 2) / gravity
+    runs = [(seconds[first:last], velocities[first:last]) for first, last in _long(edges)]
+    on_board = [_slope(times, speeds[:, 2])[0] > -FALLING * gravity for times, speeds in runs]
+    slowed = np.array([_of_run(*run) for run, slid in zip(runs, on_board, strict=True) if slid]).reshape(-1, 2) / gravity
     if not len(slowed):
         return None
     precision = slowed[:, 1] ** -2.0
@@ -100,12 +111,17 @@ def _long(edges: NDArray[np.intp]) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in list(pairwise(edges))[::2] if last - first >= FEWEST_FRAMES]
 
 
-def _of_run(seconds: Array, velocities: Array) -> tuple[float, float] | None:
-    """Deceleration along the mean direction, and its standard error [m/s^2]."""
-    mean = velocities.mean(axis=0)
-    speeds = velocities @ (mean / np.linalg.norm(mean))
-    line = np.polynomial.Polynomial.fit(seconds, speeds, 1).convert()
-    residuals = speeds - line(seconds)
+def _of_run(seconds: Array, velocities: Array) -> tuple[float, float]:
+    """Deceleration along the mean direction on the board, and its standard error [m/s^2]."""
+    mean = velocities[:, :2].mean(axis=0)
+    slope, error = _slope(seconds, velocities[:, :2] @ (mean / np.linalg.norm(mean)))
+    return -slope, error
+
+
+def _slope(seconds: Array, speeds: Array) -> tuple[float, float]:
+    """Of a line through speeds, and its standard error [m/s^2]."""
+    times = seconds - seconds.mean()
+    slope = float(times @ speeds / (times @ times))
+    residuals = speeds - speeds.mean() - slope * times
     spread = float(np.sqrt(residuals @ residuals / (len(seconds) - 2)))
-    error = spread / float(np.sqrt(np.square(seconds - seconds.mean()).sum()))
-    return float(-line.coef[1]), max(error, 1e-6)
+    return slope, max(spread / float(np.sqrt(times @ times)), 1e-6)

@@ -16,7 +16,7 @@ from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
 from contact_curation.motion.survey.rests import on_board
-from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig
+from contact_curation.motion.survey.rig import RigEstimate, estimate_rig
 from contact_curation.motion.survey.rigidity import Departure, departure
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
@@ -252,7 +252,7 @@ class Evidence:
             return None
 
     @cached_property
-    def size(self) -> Estimate | None:
+    def size(self) -> float | None:
         """The body's size over its description's; None where it cannot be told."""
         return None if self.rig is None else size_ratio(self.survey, self.body.polytope, self.rig)
 

@@ -149,7 +149,7 @@ def test_the_interval_of_a_friction_holds_that_of_sliding_bodies(
         if alone.name != "friction":
             assert both == alone
             continue
-        assert both.misfit == pytest.approx(abs(0.25 - alone.value) + 1.96 * sliding.median_error)
+        assert both.misfit == pytest.approx(abs(0.25 - alone.value) + sliding.median_interval)
         assert both.interval == pytest.approx(np.hypot(alone.interval, both.misfit))
         assert both[:-2] == alone[:-2]
 

@@ -129,7 +129,7 @@ def other_size(evidence: Evidence) -> Finding | None:
     by_faces = _size_by_faces(evidence, rig)
     off = (by_faces or 1.0 + rig.height.value / float(np.median(rig.rest_depths))) - 1.0
     large = abs(off) >= SMALLEST
-    on_edges = large and size is not None and abs(size.value - 1.0 - off) + BETTER <= abs(size.value - USUAL)
+    on_edges = large and size is not None and abs(size - 1.0 - off) + BETTER <= abs(size - USUAL)
     on_faces = by_faces is not None and abs(off) >= WORTH_SIZE and not rig.height.holds_none
     if not (on_edges or on_faces):
         return None
