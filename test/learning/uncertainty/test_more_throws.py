@@ -80,7 +80,7 @@ def test_one_line_says_both() -> None:
     line = MoreThrows(16, 0.81, 0.94, 1.52, 1.6, ()).in_words()
     assert line == (
         "16 more throws like these change predicted motions by 0.8 % of the width and 0.9 degrees "
-        "(in 95 of 100 cases by less than 1.5 % and 1.6 degrees)"
+        "(in about 9 of 10 cases by less than 1.5 % and 1.6 degrees)"
     )
 
 
