@@ -11,12 +11,13 @@ FRICTION, GRAVITY, RATE = 0.4, 9.81, 250.0
 RADIUS = float(np.linalg.norm(CUBE.vertices, axis=1).max())
 
 
-def thrown(flight: int, slide: int) -> Toss:
+def thrown(flight: int, slide: int, seed: int = 0) -> Toss:
     """So many frames about the top of a flight, then others in which it slides; it never turns."""
     falls = -GRAVITY * (np.arange(flight) - 0.5 * flight) / RATE
     forward = np.concatenate([np.full(flight, 1.5), 1.5 - FRICTION * GRAVITY * np.arange(slide) / RATE])
     count = flight + slide
     linear = np.column_stack([forward, np.zeros(count), np.concatenate([falls, np.zeros(slide)])])
+    linear += 1e-3 * np.random.default_rng(seed).standard_normal((count, 3))
     positions = np.cumsum(linear, axis=0) / RATE
     stamps = np.rint(1e9 * np.arange(count) / RATE).astype(np.int64)
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
@@ -24,7 +25,7 @@ def thrown(flight: int, slide: int) -> Toss:
 
 
 def test_a_body_at_the_top_of_its_flight_does_not_slide() -> None:
-    assert len(sliding([thrown(10, 0)], RADIUS, GRAVITY).friction) == 0
+    assert len(sliding([thrown(10, 0, seed) for seed in range(8)], RADIUS, GRAVITY).friction) == 0
 
 
 def test_frames_in_the_air_before_it_slides_do_not_lower_its_friction() -> None:
