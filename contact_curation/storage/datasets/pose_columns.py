@@ -115,8 +115,8 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
         return _doubt(set(words_of(names[at])), near)
 
     times, dates = (sorted((at for at, one in enumerate(told) if one.kind == kind), key=doubt) for kind in ("time", DATE_WORD))
-    otherwise = UNITS_OF_LENGTH.get(length_unit.lower(), 1.0)
-    length, *other_lengths = {UNITS_OF_LENGTH.get(_unit(names[at]), otherwise) for at in pose[: len(POSITION)]}
+    first = UNITS_OF_LENGTH.get(_unit(names[pose[0]]), UNITS_OF_LENGTH.get(length_unit.lower(), 1.0))
+    length, *other_lengths = {UNITS_OF_LENGTH.get(_unit(names[at]), first) for at in pose[: len(POSITION)]}
     if other_lengths:
         raise ColumnsError(f"positions of different units ({', '.join(names[at] for at in pose[: len(POSITION)])})")
     for at in times:
