@@ -15,6 +15,9 @@ from contact_curation.errors import InvalidValueError
 LARGEST_DOMAIN = 101
 """Domains up to this one keep their ports below those that Linux gives out."""
 
+LARGEST_OF_DDS = 232
+"""Ports of larger domains would be above 65535."""
+
 FIRST_PORT, PORTS_EACH = 7400, 250
 PORTS_IN_USE = 34
 """Of the first dozen processes in a domain, and of its multicast."""
@@ -26,17 +29,28 @@ VARIABLE = "ROS_DOMAIN_ID"
 def graph_domain(own: Mapping[str, str]) -> Iterator[int | str]:
     """The domain of a graph as long as it runs: the user's, where it is set, or else a free one.
 
+    The user may listen in a domain of their own, so whether others are heard there is not asked; but two graphs would take each
+    other's poses, tosses and goals.
+
     Args:
         own: environment of this process.
 
     Raises:
-        InvalidValueError: all of them are taken.
+        InvalidValueError: the user's is none, or another graph runs in it; or all of them are taken.
     """
-    if VARIABLE in own:
-        yield own[VARIABLE]
-    else:
+    given = own.get(VARIABLE)
+    if given is None:
         with free_domain() as domain:
             yield domain
+        return
+    if given and not (given.isdecimal() and int(given) <= LARGEST_OF_DDS):
+        raise InvalidValueError(VARIABLE, given, f"a whole number from 0 to {LARGEST_OF_DDS}, or none set, for a free domain")
+    claim = _bound(int(given or 0))
+    if claim is None:
+        running = f"{given or 0}, in which a session is running"
+        raise InvalidValueError(VARIABLE, running, "a domain without a session, or none set, for a free domain")
+    with claim:
+        yield given
 
 
 @contextmanager
@@ -58,13 +72,19 @@ def free_domain() -> Iterator[int]:
 
 def _claimed(domain: int) -> socket.socket | None:
     """What holds the domain; None where somebody has it."""
+    claim = _bound(domain)
+    if claim is not None and _has_participants(domain):
+        claim.close()
+        return None
+    return claim
+
+
+def _bound(domain: int) -> socket.socket | None:
+    """What holds the domain, whoever is heard there; None where another graph has it."""
     claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         claim.bind(f"\0contact-curation-domain-{domain}")
     except OSError:
-        claim.close()
-        return None
-    if _has_participants(domain):
         claim.close()
         return None
     return claim

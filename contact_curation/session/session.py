@@ -88,8 +88,9 @@ def run_session(
     """
     body = config.body()
     parameters = session_parameters(config, body, folder)
-    folder.make(resume=config.resume)
     with ExitStack() as running:
+        domain = running.enter_context(graph_domain(os.environ))
+        folder.make(resume=config.resume)
         running.enter_context(folder.claimed())
         events = running.enter_context(EventLog(folder.events, resume=config.resume))
         events.note_body(f"{body.name}, {body.mass:g} kg ({body.digest})")
@@ -105,7 +106,6 @@ def run_session(
             if incident.what in NEWS:
                 reporter.say(f"{incident.program} {NEWS[incident.what]} ({incident.detail})")
 
-        domain = running.enter_context(graph_domain(os.environ))
         supervisor = running.enter_context(supervised(parameters, folder, domain, tell))
         session = Session(config, parameters, folder, events, reporter.say)
         supervisor.start()

@@ -41,9 +41,24 @@ def test_a_domain_in_which_somebody_else_is_heard_is_left_alone() -> None:
             assert other != first
 
 
-def test_the_users_own_domain_is_not_asked_about() -> None:
-    with graph_domain({"ROS_DOMAIN_ID": "7"}) as one, graph_domain({"ROS_DOMAIN_ID": "7"}) as other:
-        assert one == other == "7"
+def test_the_users_own_domain_holds_one_session_whoever_else_is_heard_there() -> None:
+    with free_domain() as free, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
+        participant.bind(("", FIRST_PORT + PORTS_EACH * free + 12))
+    own = {"ROS_DOMAIN_ID": str(free)}
+    with graph_domain(own) as domain:
+        assert domain == str(free)
+        running = pytest.raises(InvalidValueError, match=f"ROS_DOMAIN_ID: found 0{free}, in which a session is running")
+        with running, graph_domain({"ROS_DOMAIN_ID": f"0{free}"}):
+            pass
+    with graph_domain(own) as again:
+        assert again == domain
+
+
+@pytest.mark.parametrize("given", ["seven", "-1", "233"])
+def test_what_is_no_domain_is_refused_before_a_node_is_started(given: str) -> None:
+    refused = pytest.raises(InvalidValueError, match=f"ROS_DOMAIN_ID: found {given}, expected a whole number from 0 to 232")
+    with refused, graph_domain({"ROS_DOMAIN_ID": given}):
+        pass
 
 
 def test_a_process_that_is_killed_gives_its_domain_back() -> None:
