@@ -32,6 +32,9 @@ LOOK_PERIOD = 0.2
 
 SCHEMA_ENCODING = "ros2msg"
 
+RESULT = "contact_curation_msgs/msg/Toss"
+"""Type of a result that `pose_ingest` has stored: the poses that it was made of must be on disk, too, however all end."""
+
 
 class Heard(NamedTuple):
     """A topic that is recorded.
@@ -63,7 +66,7 @@ class SessionRecorder(StageNode):
             self, "memory", 1 << 28, "largest number of bytes that wait to be written", bounds=(1 << 20, 1 << 40)
         )
         period = declare(
-            self, "flush_period", 1.0, "messages older than this are on disk and survive a crash [s]", bounds=(0.01, 60.0)
+            self, "flush_period", 1.0, "messages older than this are in the file and survive a kill [s]", bounds=(0.01, 60.0)
         )
         if Path(path).suffix != ".mcap":
             raise InvalidValueError("parameter bag", repr(path), "a file name ending in .mcap")
@@ -74,6 +77,7 @@ class SessionRecorder(StageNode):
         self._waiting: deque[tuple[RawMessage, OfferedQos]] = deque()
         self._topics: dict[str, FollowedTopic] = {}
         self._left_out: set[tuple[str, str]] = set()
+        self._stored = False
         self._bag: SessionBag | None = None
         self._worker = Worker(self.fail)
         self._worker.do(lambda: self._open(Path(path)))
@@ -92,6 +96,9 @@ class SessionRecorder(StageNode):
 
     def _follow(self) -> None:
         """Subscribes to topics that are new or whose quality of service changed."""
+        if self._stored:  # poses may have been received after their toss
+            self._stored = False
+            self._flushing.want()
         for topic, types in self.get_topic_names_and_types():
             hidden = any(part.startswith("_") for part in topic.split("/"))
             if hidden or not is_own(self, topic) or not self.count_publishers(topic):
@@ -131,6 +138,9 @@ class SessionRecorder(StageNode):
         self._bytes_in += len(data)
         self._waiting.append((message, heard.qos))
         self._writing.want()
+        if heard.type == RESULT:
+            self._stored = True
+            self._flushing.want()
 
     def _missed(self, event: Any) -> None:
         self._lost += event.total_count_change

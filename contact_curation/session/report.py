@@ -132,7 +132,9 @@ def _replayed(
     if same:
         what = f"rank gives the same {len(selected)} tosses in the same order"
     elif summary.settled:
-        what = f"rank gives other tosses than the session: {', '.join(selected)}"
+        lacking = [name for name in summary.selected if name not in ranked.ids]
+        cut = f"; the bag does not hold all poses of {', '.join(lacking)}, as after a kill of this command" if lacking else ""
+        what = f"rank gives other tosses than the session: {', '.join(selected)}{cut}"
     else:
         what = (
             "the session was interrupted before its last tosses were scored and trained on, so that its selection is not the "

@@ -108,6 +108,20 @@ def test_everything_is_recorded_and_a_kill_costs_nothing_that_was_latched(graph:
     assert store.hash_rihs01(sent.type) == sent.type_hash
 
 
+def test_the_poses_of_a_toss_that_is_stored_survive_a_kill_of_all_processes(graph: Graph) -> None:
+    bag, node = graph.folder / "session.mcap", graph.listener.node
+    toss = node.create_publisher(Toss, "toss", latched(256))
+    poses = node.create_publisher(Odometry, "tagslam/odom/body_cube", latched(4096))
+    recorder = graph.start("session_recorder", bag=bag, flush_period=60.0)
+    until(lambda: toss.get_subscription_count() and poses.get_subscription_count(), LONG, "subscribers")
+    for _ in range(100):
+        poses.publish(Odometry())
+    toss.publish(Toss(toss_id="first"))
+    graph.until(lambda: len(recorded(bag, "/tagslam/odom/body_cube")) == 100, 30.0, "poses, before the flush period is over")
+    recorder.kill()
+    assert len(recorded(bag, "/toss")) == 1
+
+
 @pytest.mark.slow
 def test_a_publisher_with_another_quality_of_service_that_comes_and_goes_costs_no_message(graph: Graph) -> None:
     bag, node = graph.folder / "session.mcap", graph.listener.node

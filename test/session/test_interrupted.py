@@ -28,7 +28,7 @@ from test.simulated import simulated_tosses
 class Ranked:
     """Stands for the ranking of a bag."""
 
-    selected_ids = ("a", "b")
+    selected_ids = ids = ("a", "b")
 
     def evidence(self) -> Any:
         return SimpleNamespace()
@@ -69,6 +69,8 @@ def test_where_it_had_other_tosses_are_named_and_the_same_ones_are_counted(
     same, what = replayed(replace(summary, selected=("b",)), tmp_path, monkeypatch)
     assert (same, what) == (False, "rank gives other tosses than the session: a, b")
     assert "interrupted" not in dict(summary.facts())["time"]
+    _, what = replayed(replace(summary, selected=("b", "c", "a")), tmp_path, monkeypatch)
+    assert what.endswith("a, b; the bag does not hold all poses of c, as after a kill of this command")
 
 
 def test_the_same_tosses_in_the_same_order_are_the_same(
