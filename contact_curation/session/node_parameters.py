@@ -81,6 +81,17 @@ def session_parameters(config: SessionConfig, body: Body, folder: SessionFolder)
     return {name: values | own.get(name, {}) for name, values in merged.items()}
 
 
+def check_camera(before: Mapping[str, Parameters], config: SessionConfig) -> None:
+    """Refuses to go on with another camera: of poses and detections in one bag only either are read.
+
+    Raises:
+        InvalidValueError: the session has another one.
+    """
+    was = before.get("sim_camera", {}).get("mode", config.camera)
+    if was != config.camera:
+        raise InvalidValueError("--camera", config.camera, f"{was}, which the session has, or a new folder for --record")
+
+
 def changed_parameters(before: Mapping[str, Parameters], now: Mapping[str, Parameters]) -> str:
     """What nodes are told otherwise than before, in words; empty where nothing is."""
     changes = []

@@ -133,7 +133,8 @@ def _replayed(
         what = f"rank gives the same {len(selected)} tosses in the same order"
     elif summary.settled:
         lacking = [name for name in summary.selected if name not in ranked.ids]
-        cut = f"; the bag does not hold all poses of {', '.join(lacking)}, as after a kill of this command" if lacking else ""
+        why = "as after a kill of this command or with parameters that were changed on the way"
+        cut = f"; it finds no sound toss {', '.join(lacking)} in the bag, {why}" if lacking else ""
         what = f"rank gives other tosses than the session: {', '.join(selected)}{cut}"
     else:
         what = (

@@ -17,6 +17,7 @@ from contact_curation.session.graph import supervised
 from contact_curation.session.node_parameters import (
     DASHBOARD,
     changed_parameters,
+    check_camera,
     held_out_inputs,
     session_parameters,
     write_tag_map,
@@ -95,7 +96,9 @@ def run_session(
         events = running.enter_context(EventLog(folder.events, resume=config.resume))
         events.note_body(f"{body.name}, {body.mass:g} kg ({body.digest})")
         if config.resume and folder.parameters.exists():
-            changed = changed_parameters(read_node_parameters(folder.parameters), parameters)
+            before = read_node_parameters(folder.parameters)
+            check_camera(before, config)
+            changed = changed_parameters(before, parameters)
             if changed:
                 reporter.say(f"the session goes on with other parameters: {changed}")
         write_node_parameters(folder.parameters, parameters)

@@ -37,6 +37,9 @@ POSE_TYPES = (*POSE_MESSAGES, TF, *TAG_FRAMES)
 WITH_CHILD = ("nav_msgs/msg/Odometry", "geometry_msgs/msg/TransformStamped")
 """Types whose messages say in `child_frame_id` whose pose they have."""
 
+BY_TAG_MAP = "detections of tags are read with a tag map"
+"""Said where no topic has poses, but one has detections."""
+
 
 class TypedTopic(NamedTuple):
     """A topic and its ROS 2 type name."""
@@ -273,7 +276,7 @@ def find_pose_source(where: Path | str, topics: Collection[TypedTopic], body: st
             else f"one topic with poses of {body}; name it (`topic`) if there are several"
         )
         if any(one.type == DETECTIONS for one in topics):
-            wanted += "; detections of tags are read with a tag map"
+            wanted += f"; {BY_TAG_MAP}"
         if not any(one.type in POSE_TYPES for one in topics):
             wanted += f", of a type that is read: {', '.join(POSE_TYPES)}"
         raise MissingTopicError(where, wanted, listed)

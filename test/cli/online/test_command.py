@@ -233,6 +233,18 @@ def test_a_session_that_goes_on_with_other_parameters_says_so(
     assert capsys.readouterr().out == "the session goes on with other parameters: curator top 3 before, now 5\n"
 
 
+def test_a_session_does_not_go_on_with_another_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "write_tag_map", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    folder = SessionFolder(tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        run_session(SessionConfig(record=tmp_path), folder, (), lambda: True, online._Lines())
+    told = folder.parameters.read_bytes()
+    other = SessionConfig(record=tmp_path, resume=True, camera="rendered")
+    with pytest.raises(InvalidValueError, match="--camera: found rendered, expected poses, which the session has"):
+        run_session(other, folder, (), lambda: True, online._Lines())
+    assert folder.parameters.read_bytes() == told
+
+
 def test_a_session_does_not_go_on_with_another_body(tmp_path: Path) -> None:
     folder = SessionFolder(tmp_path)
     folder.make()

@@ -116,3 +116,10 @@ def test_why_no_image_has_a_camera_is_said_once(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text(tag_rig_yaml(RIG))
     found = diagnose([bag], ReadingConfig(CONTACTNETS_CUBE, inputs_config({"poses.tag_map": str(tmp_path / "map.yaml")})))
     assert ["is the camera calibrated?" in line for line in (found.verdict, *found.reasons)].count(True) == 1
+
+
+def test_without_a_map_the_next_command_names_one(tmp_path: Path) -> None:
+    bag = write_detections(tmp_path / "tagged.mcap", tagged_tosses(1))
+    found = diagnose([bag], ReadingConfig(CONTACTNETS_CUBE, inputs_config({})))
+    assert "detections of tags are read with a tag map" in found.verdict
+    assert found.next == f"contact-curation check {bag} --tag-map my_tags.yaml"

@@ -5,6 +5,7 @@ from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_re
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.pipeline.wording import counted
 from contact_curation.storage.bags.reader import AS_PARTS
+from contact_curation.storage.inputs.pose_source import BY_TAG_MAP
 
 
 def unreadable(evidence: Evidence) -> Finding | None:
@@ -24,7 +25,10 @@ def without_a_topic(evidence: Evidence) -> Finding | None:
     if not found:
         return None
     remedy = "name the topic with --topic, or give tag detections a --tag-map"
-    return Finding(Severity.FAULT, of_recordings(evidence, found), remedy)
+    by_tag_map = any(BY_TAG_MAP in line for line in found.values())
+    return Finding(
+        Severity.FAULT, of_recordings(evidence, found), remedy, options=("--tag-map", "my_tags.yaml") if by_tag_map else ()
+    )
 
 
 def without_a_message(evidence: Evidence) -> Finding | None:
