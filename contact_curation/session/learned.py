@@ -50,8 +50,8 @@ class LearnedSummary:
     def __str__(self) -> str:
         interval, share = ("", "") if self.friction_interval is None else (f" ± {self.friction_interval:.3f}", "95 %; ")
         return (
-            f"friction {self.friction:.3f}{interval} ({share}simulated: {self.described_friction:g}) and the vertices to "
-            f"{self.vertex_error_mm:.1f} mm RMS, from {self.tosses} of {self.throws} throws"
+            f"friction {self.friction:.3f}{interval} ({share}simulated: {self.described_friction:g}) and vertices to "
+            f"{self.vertex_error_mm:.1f} mm RMS, from {self.tosses} tosses of {self.throws} throws"
         )
 
 

@@ -84,7 +84,7 @@ def test_the_demo_shows_the_same_table_on_a_busy_machine_and_with_another_proces
     assert sum(" planned, " in line and line.startswith("throw ") for line in table) >= THROWS / 2  # designed
     assert len([line for line in table if "rejected: " in line and line.startswith("throw ")]) == 1
     assert any(re.match(r"Throw 6, spoilt on purpose, was rejected: lowest corner", line) for line in table)
-    assert any(re.fullmatch(r"Learned: friction 0\.\d+ ± 0\.\d+ .* RMS, from 8 of 12 throws\.", line) for line in table)
+    assert any(re.fullmatch(r"Learned: friction 0\.\d+ ± 0\.\d+ .* RMS, from 8 tosses of 12 throws\.", line) for line in table)
     assert any("rank gives the same 8 tosses in the same order" in line for line in table)
     assert (tmp_path / "first" / "session" / "report.html").stat().st_size > 50_000
     assert "DASHBOARD=1" in first.stdout

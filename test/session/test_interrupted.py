@@ -104,3 +104,9 @@ def test_the_friction_interval_is_of_what_the_model_learned_from_and_not_of_a_la
     assert found is not None
     assert found.tosses == 3
     assert found.friction_interval == next(one.interval for one in expected.parameters if one.name == "friction")
+
+
+def test_more_tosses_than_throws_are_said_as_such() -> None:
+    """A throw that a kill cut off is not made, but its toss counts."""
+    said = str(learned.LearnedSummary(0.2, None, 0.18, 1.0, tosses=8, throws=7))
+    assert said.endswith("from 8 tosses of 7 throws")
