@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -93,6 +94,7 @@ def run_session(
         domain = running.enter_context(graph_domain(os.environ))
         folder.make(resume=config.resume)
         running.enter_context(folder.claimed())
+        folder.dashboard.unlink(missing_ok=True)  # the address before a resumption is not that of today's
         events = running.enter_context(EventLog(folder.events, resume=config.resume))
         events.note_body(f"{body.name}, {body.mass:g} kg ({body.digest})")
         if config.resume and folder.parameters.exists():
@@ -116,6 +118,7 @@ def run_session(
         staying = config.stay and bool(session.state.dashboard) and not stopped()
         supervisor.stop([name for name in parameters if not (staying and name == DASHBOARD)])
         summary = summary_of(config, session.state, folder, events.restarts, events.seconds, settled=session.settled)
+        summary = summary if staying else replace(summary, dashboard="")
         if config.record:
             reporter.say("all nodes have ended; replaying the recorded session, and writing its report")
             summary = finish_record(config, folder, parameters, command, summary, events)

@@ -72,7 +72,7 @@ class SessionSummary:
         learned: parameters of the trained model; None before it was trained, and for a network.
         restarts: how often each node was started again, if it was.
         settled: whether everything had come to rest.
-        dashboard: its address; empty without one.
+        dashboard: its address, as long as it is served; empty without one.
         seconds: it took.
         replay: of its bag; None where it was not recorded.
         folder: of the record.

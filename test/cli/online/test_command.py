@@ -233,6 +233,17 @@ def test_a_session_that_goes_on_with_other_parameters_says_so(
     assert capsys.readouterr().out == "the session goes on with other parameters: curator top 3 before, now 5\n"
 
 
+def test_a_session_that_goes_on_forgets_where_its_dashboard_was_served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "write_tag_map", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    folder.events.touch()
+    write_record(folder.dashboard, ServedDashboard("http://127.0.0.1:9090"))
+    with pytest.raises(KeyboardInterrupt):
+        run_session(SessionConfig(record=tmp_path, resume=True), folder, (), lambda: True, online._Lines())
+    assert SessionStores(folder).look().dashboard == ""
+
+
 def test_a_session_does_not_go_on_with_another_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "write_tag_map", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
     folder = SessionFolder(tmp_path)
