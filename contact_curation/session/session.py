@@ -177,6 +177,7 @@ class Session:
         say: Callable[[str], None],
     ) -> None:
         self._wanted = config.throws or 0
+        self._stays = config.stay
         self._toss_timeout = float(parameters["throw_designer"]["toss_timeout"]) + AT_REST
         self._stores = SessionStores(folder)
         self._events = events
@@ -214,6 +215,8 @@ class Session:
         """Whether all throws were made, and nothing is to come of them any more."""
         waited = time.monotonic() - self._changed
         if not self._wanted or len(self.state.throws) < self._wanted or waited < AT_REST:
+            return False
+        if self._stays and not self.state.dashboard and waited < PATIENCE:  # a session that goes on may be over at once
             return False
         awaits_motion = self.state.awaits_motion and waited < self._toss_timeout
         awaits_gain = self.state.awaits_gain and waited < GAIN_PATIENCE

@@ -442,6 +442,16 @@ def test_a_session_says_once_where_the_dashboard_is_and_why_there_is_no_throw(tm
     ]
 
 
+def test_a_session_whose_throws_are_made_awaits_the_dashboard_that_is_to_stay(tmp_path: Path) -> None:
+    folder = SessionFolder(tmp_path)
+    folder.make()
+    with EventLog(folder.events) as events:
+        config = SessionConfig(throws=1, stay=True)
+        session = Session(config, parameters_of(tmp_path, throws=1), folder, events, lambda _: None)
+        session.state, session._changed = replace(SessionState(), throws=(THROW,)), session._changed - 100.0
+        assert not session._is_over()
+
+
 def test_a_dashboard_that_stays_is_served() -> None:
     parser = argparse.ArgumentParser()
     add_online_options(parser)
