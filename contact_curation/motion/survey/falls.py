@@ -202,7 +202,7 @@ def _shared_acceleration(series: Sequence[PoseSeries], fits: Sequence[LocalFits]
         rows = [fit.accelerations[mask] for fit, mask in zip(fits, kept, strict=True)]
         stretches = [_stretches(*each) for each in zip(range(len(fits)), series, fits, kept, strict=True)]
         shared = _most_alike(np.concatenate(rows), np.concatenate(stretches)) if rows else None
-        if shared is not None and _is_hidden(shared, scatter := _scatter(series, fits, noise)):
+        if shared is not None and _is_hidden(shared, scatter := _scatter(series, fits, noise), NEAR):
             shared = _most_alike(np.concatenate(rows), np.concatenate(stretches), scatter)
         if shared is not None:
             return shared
@@ -215,10 +215,10 @@ def _scatter(series: Sequence[PoseSeries], fits: Sequence[LocalFits], noise: flo
     return ALIKE * noise * float(np.median(found)) if found else 0.0
 
 
-def _is_hidden(shared: Array, scatter: float) -> bool:
-    """Whether noise moves windows away from the acceleration that they share, yet not so far that falls cannot be told."""
+def _is_hidden(shared: Array, scatter: float, near: float = 2.0 * NEAR) -> bool:
+    """Whether noise moves windows further than a share of the acceleration that they have in common, yet falls can be told."""
     length = float(np.linalg.norm(shared))
-    return 2.0 * NEAR * length < scatter < NOISIEST * length
+    return near * length < scatter < NOISIEST * length
 
 
 def _stretches(place: int, series: PoseSeries, fit: LocalFits, kept: NDArray[np.bool_]) -> NDArray[np.int64]:
