@@ -126,7 +126,7 @@ class PoseTable:
         time = time or ""
         if (number := _time(time)) is not None:
             more = (_time(beside) if beside and number == int(number) else None) or 0
-            return int(number * self._unit) + int(more if more < NANOSECONDS else 0)  # else another time, whole by itself
+            return int(more) if more >= NANOSECONDS else int(number * self._unit) + int(more)  # the former is whole by itself
         seconds = _date(time)
         if seconds is None and day is not None:
             time = f"{day} {time}"

@@ -192,10 +192,17 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
     assert (done.status, done.json["poses"], done.json["seconds"]) == (0, 101, 2.0)
 
 
+def test_nanoseconds_beside_seconds_may_be_whole_times_themselves(tmp_path: Path) -> None:
+    stamps = [1_700_000_000_000_000_000 + 6_756_757 * frame for frame in range(20)]
+    rows = [f"{one // 10**9},{one},0,0,1,0,0,0,1" for one in stamps]
+    (tmp_path / "a.csv").write_text("\n".join(["seconds,nanoseconds,x,y,z,qx,qy,qz,qw", *rows]))
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv")] == stamps
+
+
 @pytest.mark.parametrize("every", [1, 3])
 @pytest.mark.parametrize("name", ["Frame", "frame_number"])
 def test_numbers_of_frames_are_times_at_a_rate_so_that_missing_rows_are_a_gap(name: str, every: int, tmp_path: Path) -> None:
-    frames = [every * frame for frame in (0, 1, 2, 3, 9, 10, 11)]
+    frames = [every * frame for frame in (0, 6, 7, 8, 9, 10, 11)]
     (tmp_path / "a.csv").write_text("\n".join([f"{name},x,y,z,qx,qy,qz,qw", *(f"{one},0,0,1,0,0,0,1" for one in frames)]))
     stamps = [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv", rate=50.0)]
     assert stamps == [20_000_000 * frame // every for frame in frames]
