@@ -161,7 +161,7 @@ def _enclosed(path: Path, mesh: Any) -> Mesh:
         mesh.invert()
     if not closed or not mesh.volume > 0.0:
         notes.append(f"{path.name} is not closed, or its triangles face in and out: its mass is spread over its convex hull")
-        return Mesh(Solid(corners, of_hull(corners)), tuple(notes))
+        return mesh_of_hull(path, corners)._replace(notes=tuple(notes))
     if mesh.volume < (1.0 - CONCAVE) * hull.volume:
         inside = len(mesh.vertices) - len(corners)
         notes.append(
