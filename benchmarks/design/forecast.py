@@ -54,7 +54,11 @@ from contact_curation.simulation.world import free_motion
 
 COLUMNS = ("stated", "own", "own, measured", "MuJoCo", "MuJoCo, measured", "toss")
 REAL_COLUMNS = ("stated", "own", "own, measured", "toss")
+"""Gains of real throws: MuJoCo's motions are those of simulated ones."""
+
 AS_COMMANDED = NoiseConfig(position=1e-5, turn=1e-5, speed=0.0, velocity=1e-5, spin=1e-5)
+"""Executions of throws whose releases were measured."""
+
 EXACT = PredictionConfig(thinning=1)
 STEPS = 4
 """Of a frame, in the finer motion."""

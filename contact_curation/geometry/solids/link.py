@@ -42,7 +42,7 @@ def chosen_name(path: Path, names: Sequence[str], wanted: str | None, expected: 
     """
     if not names:
         raise UnreadableInputError(path, f"found no {expected}")
-    listed = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    listed = _listed(names)
     if wanted is None and len(names) > 1:
         raise UnreadableInputError(
             path, f"found {len(names)} links with collision geometry ({listed}), expected one: choose with --link NAME"
@@ -61,5 +61,8 @@ def not_counted(name: str, others: Sequence[str]) -> tuple[str, ...]:
     """
     if not others:
         return ()
-    listed = ", ".join(others[:12]) + (", ..." if len(others) > 12 else "")
-    return (f"{listed}: fixed to {name}, but not counted: shape, mass and inertia are those of {name} alone",)
+    return (f"{_listed(others)}: fixed to {name}, but not counted: shape, mass and inertia are those of {name} alone",)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")

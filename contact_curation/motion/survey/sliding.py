@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
+from contact_curation.motion.survey.rig import CONFIDENCE
 from contact_curation.motion.toss import Toss
 
 SLOWEST, FEWEST_FRAMES = 0.1, 8
@@ -26,9 +27,6 @@ board, which lessens the friction along the way by less than a quarter of the sh
 
 FALLING = 0.5
 """A body whose vertical speed falls by more than this share of gravity is in the air, such as at the top of its flight."""
-
-CONFIDENCE = 0.975
-"""Quantile at the upper end of a 95 % interval."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -219,13 +219,18 @@ def test_parameters_with_which_a_session_goes_on_otherwise_are_named(tmp_path: P
     assert changed == "curator top 3 before, now 32; pose_ingest rig.scale 1.01 before, now 1.0"
 
 
-def test_a_session_that_goes_on_with_other_parameters_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def stopped_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A session ends by Ctrl-C before anything is started."""
+
     def stopping(*_: object) -> None:
-        raise KeyboardInterrupt  # before anything is started
+        raise KeyboardInterrupt
 
     monkeypatch.setattr(session, "write_tag_map", stopping)
+
+
+@pytest.mark.usefixtures("stopped_at_once")
+def test_a_session_that_goes_on_with_other_parameters_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = SessionFolder(tmp_path)
     for resume, top in ((False, 3), (True, 5), (True, 5)):
         with pytest.raises(KeyboardInterrupt):
@@ -233,8 +238,8 @@ def test_a_session_that_goes_on_with_other_parameters_says_so(
     assert capsys.readouterr().out == "the session goes on with other parameters: curator top 3 before, now 5\n"
 
 
-def test_a_session_that_goes_on_forgets_where_its_dashboard_was_served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(session, "write_tag_map", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+@pytest.mark.usefixtures("stopped_at_once")
+def test_a_session_that_goes_on_forgets_where_its_dashboard_was_served(tmp_path: Path) -> None:
     folder = SessionFolder(tmp_path)
     folder.make()
     folder.events.touch()
@@ -244,8 +249,8 @@ def test_a_session_that_goes_on_forgets_where_its_dashboard_was_served(tmp_path:
     assert SessionStores(folder).look().dashboard == ""
 
 
-def test_a_session_does_not_go_on_with_another_camera(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(session, "write_tag_map", lambda *_: (_ for _ in ()).throw(KeyboardInterrupt))
+@pytest.mark.usefixtures("stopped_at_once")
+def test_a_session_does_not_go_on_with_another_camera(tmp_path: Path) -> None:
     folder = SessionFolder(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         run_session(SessionConfig(record=tmp_path), folder, (), lambda: True, online._Lines())
