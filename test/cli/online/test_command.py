@@ -3,8 +3,10 @@
 import argparse
 import json
 import socket
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -247,6 +249,17 @@ def test_a_session_that_goes_on_forgets_where_its_dashboard_was_served(tmp_path:
     with pytest.raises(KeyboardInterrupt):
         run_session(SessionConfig(record=tmp_path, resume=True), folder, (), lambda: True, online._Lines())
     assert SessionStores(folder).look().dashboard == ""
+
+
+@pytest.mark.parametrize("stay", [False, True])
+def test_a_summary_names_a_dashboard_that_is_still_served(stay: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    served, reporter = replace(SessionState(), dashboard="http://127.0.0.1:9090"), Mock()
+    monkeypatch.setattr(session, "supervised", lambda *_: nullcontext(Mock()))
+    monkeypatch.setattr(Session, "follow", lambda own, *_: setattr(own, "state", served))
+    monkeypatch.setattr(Session, "stay", Mock())
+    run_session(SessionConfig(dashboard=True, stay=stay), SessionFolder(tmp_path), (), lambda: False, reporter)
+    (summary,) = reporter.conclude.call_args.args
+    assert summary.dashboard == (served.dashboard if stay else "")
 
 
 @pytest.mark.usefixtures("stopped_at_once")
