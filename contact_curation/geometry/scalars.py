@@ -4,8 +4,8 @@ A pose stream is handled pose by pose at 148 Hz and more, where a NumPy array of
 Same conventions as `quaternions` (wxyz, Hamilton) and `poses`; tests hold the two together.
 """
 
-from collections.abc import Iterable
-from math import acos, asin, sin, sqrt
+from collections.abc import Iterable, Sequence
+from math import asin, atan2, cos, sin, sqrt
 from typing import NamedTuple
 
 Vector = tuple[float, float, float]
@@ -92,15 +92,52 @@ def angle_between(a: Quaternion, b: Quaternion) -> float:
     return 4.0 * asin(min(1.0, 0.5 * chord))
 
 
-def between(start: ScalarPose, end: ScalarPose, share: float) -> ScalarPose:
-    """The pose `share` (0..1) of the way: positions linearly, orientations along the shorter great arc (slerp)."""
-    cosine = sum(a * b for a, b in zip(start.orientation_wxyz, end.orientation_wxyz))
-    sign = -1.0 if cosine < 0.0 else 1.0
-    angle = acos(min(1.0, abs(cosine)))
-    at_start, at_end = 1.0 - share, share
-    if angle > 1e-6:
-        at_start, at_end = sin((1.0 - share) * angle) / sin(angle), sin(share * angle) / sin(angle)
-    w, x, y, z = (at_start * a + sign * at_end * b for a, b in zip(start.orientation_wxyz, end.orientation_wxyz))
-    norm = sqrt(w * w + x * x + y * y + z * z)
-    px, py, pz = ((1.0 - share) * a + share * b for a, b in zip(start.position, end.position))
-    return ScalarPose((px, py, pz), (w / norm, x / norm, y / norm, z / norm))
+def rotation_vector(q: Quaternion) -> Vector:
+    """Axis times angle of the shorter rotation of a unit quaternion [rad]."""
+    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+    half_sine = sqrt(x * x + y * y + z * z)
+    factor = 2.0 if half_sine < 1e-12 else 2.0 * atan2(half_sine, w) / half_sine
+    return factor * x, factor * y, factor * z
+
+
+def rotation_by(turn: Vector) -> Quaternion:
+    """The unit quaternion of a rotation vector [rad]."""
+    x, y, z = turn
+    angle = sqrt(x * x + y * y + z * z)
+    factor = 0.5 if angle < 1e-12 else sin(0.5 * angle) / angle
+    return cos(0.5 * angle), factor * x, factor * y, factor * z
+
+
+def interpolated(times: Sequence[float], poses: Sequence[ScalarPose], time: float) -> ScalarPose:
+    """The pose at a time by Newton's polynomial through others; through equal ones exactly these.
+
+    Through two it is a straight line, and slerp. Orientations are interpolated as rotation vectors seen from the first pose,
+    which should be next to the time.
+
+    Args:
+        times: of the poses, no two the same.
+        poses: of one frame in another.
+        time: where the pose is wanted.
+    """
+    first = poses[0]
+    back = conjugate(first.orientation_wxyz)
+    moved = [tuple(a - b for a, b in zip(one.position, first.position)) for one in poses]
+    turned = [rotation_vector(multiply(back, one.orientation_wxyz)) for one in poses]
+    numbers = zip(*(place + turn for place, turn in zip(moved, turned)), strict=True)
+    px, py, pz, *turn = (_newton(times, values, time) for values in numbers)
+    x, y, z = first.position
+    orientation = unit(multiply(first.orientation_wxyz, rotation_by(vector(turn))))
+    return ScalarPose((x + px, y + py, z + pz), orientation)
+
+
+def _newton(times: Sequence[float], values: Sequence[float], time: float) -> float:
+    """Newton's polynomial through values, by divided differences."""
+    differences = list(values)
+    last = len(differences) - 1
+    for order in range(1, last + 1):
+        for place in range(last, order - 1, -1):
+            differences[place] = (differences[place] - differences[place - 1]) / (times[place] - times[place - order])
+    found = differences[last]
+    for place in range(last - 1, -1, -1):
+        found = found * (time - times[place]) + differences[place]
+    return found

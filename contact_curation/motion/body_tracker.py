@@ -129,11 +129,11 @@ class _Way(NamedTuple):
     board: list[Link]
     static: tuple[ScalarPose, ScalarPose, ScalarPose] | None
 
-    def at(self, stamp_ns: int, gap_ns: float) -> tuple[ScalarPose, ScalarPose, ScalarPose] | None:
-        """Its poses at a time; None where a link does not know that time."""
+    def at(self, stamp_ns: int, gap_ns: float, *, ended: bool = False) -> tuple[ScalarPose, ScalarPose, ScalarPose] | None:
+        """Its poses at a time; None where a link does not know that time, or may know it better unless all has `ended`."""
         if self.static is not None:
             return self.static
-        body, above, board = (composed(links, stamp_ns, gap_ns) for links in self[:3])
+        body, above, board = (composed(links, stamp_ns, gap_ns, ended=ended) for links in self[:3])
         return None if body is None or above is None or board is None else (body, above, inverse(board))
 
 
@@ -274,13 +274,14 @@ class BodyTracker:
         events: list[TrackerEvent] = []
         while self._waiting:
             measured = self._waiting[0]
-            found = self._in_board(measured)
+            late = self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS
+            found = self._in_board(measured, ended=late)
             if isinstance(found, ScalarPose):
                 events.append(self._without_jump(BodyPose(measured.stamp_ns, found)))
                 self._waiting.popleft()
             elif self._board_may_come:
                 break
-            elif self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS:
+            elif late:
                 events.append(self._lost(self._waiting.popleft(), f"none within {self.config.largest_wait:g} s"))
             else:
                 break
@@ -307,10 +308,15 @@ class BodyTracker:
         self._last_pose = found
         return found
 
-    def _in_board(self, measured: FramePose) -> ScalarPose | None:
-        """The body in the board's frame by a measurement; None as long as the rig's poses do not determine it."""
+    def _in_board(self, measured: FramePose, *, ended: bool) -> ScalarPose | None:
+        """The body in the board's frame by a measurement; None as long as the rig's poses do not determine it.
+
+        Args:
+            measured: of the body.
+            ended: whether no more of the rig's poses are awaited.
+        """
         way = self._way(measured.parent, measured.child)
-        poses = None if way is None else way.at(measured.stamp_ns, self.config.largest_rig_gap * NANOSECONDS)
+        poses = None if way is None else way.at(measured.stamp_ns, self.config.largest_rig_gap * NANOSECONDS, ended=ended)
         if poses is None:
             return None
         body, above, to_board = poses
@@ -361,7 +367,7 @@ class BodyTracker:
         events: list[TrackerEvent] = []
         while self._waiting:
             measured = self._waiting.popleft()
-            found = self._in_board(measured)
+            found = self._in_board(measured, ended=True)
             placed = None if found is None else self._without_jump(BodyPose(measured.stamp_ns, found))
             events.append(placed or self._lost(measured, why))
         return events

@@ -1,18 +1,23 @@
 """The tree of frames: static and moving links, as /tf and odometry give them.
 
-A link that moves has a history. Asked for a time between two of its poses it is interpolated: only the rig (boards, cameras,
-robots) is looked up here, never the tossed body, which is not interpolated over contact.
+A link that moves has a history. Asked for a time between two of its poses it is interpolated, by a cubic through these and
+one more on either side: straight lines at 30 Hz cut the bends of a camera that an arm moves by more than tracking noise, which
+looks like forces on the body. Only the rig (boards, cameras, robots) is looked up here, never the tossed body, which is not
+interpolated over contact.
 """
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from contact_curation.geometry.scalars import IDENTITY, ScalarPose, between, compose, unit
+from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose, interpolated, unit
 from contact_curation.motion.pose_stream import FramePose
 
 HISTORY = 2048
 """Poses that a moving link remembers; the oldest half goes when it is full."""
+APART = 0.5
+"""Of the time between the two poses around it: nearer ones add their noise to an interpolated pose, and no bend."""
+
 MOST_FRAMES = 10_000
 """Links that a tree takes; far more than any robot has."""
 
@@ -37,8 +42,17 @@ class Link:
     def newest_ns(self) -> int:
         return self.stamps_ns[-1]
 
-    def at(self, stamp_ns: int, largest_gap_ns: float) -> ScalarPose | None:
-        """The pose at a time; None where two poses around it are missing or too far apart."""
+    def at(self, stamp_ns: int, largest_gap_ns: float, *, ended: bool = False) -> ScalarPose | None:
+        """The pose at a time.
+
+        Args:
+            stamp_ns: the time.
+            largest_gap_ns: between poses that are interpolated.
+            ended: nothing more will come.
+
+        Returns:
+            None where the two poses around it are missing or too far apart, and as long as the one after these may come.
+        """
         if self.static:
             return self.poses[0]
         after = bisect_left(self.stamps_ns, stamp_ns)
@@ -49,7 +63,17 @@ class Link:
         start_ns, end_ns = self.stamps_ns[after - 1], self.stamps_ns[after]
         if end_ns - start_ns > largest_gap_ns:
             return None
-        return between(self.poses[after - 1], self.poses[after], (stamp_ns - start_ns) / (end_ns - start_ns))
+        apart_ns = APART * (end_ns - start_ns)
+        before, later = bisect_right(self.stamps_ns, start_ns - apart_ns) - 1, bisect_left(self.stamps_ns, end_ns + apart_ns)
+        if later == len(self.stamps_ns) and not ended:
+            return None
+        places = [after - 1, after]
+        if before >= 0 and start_ns - self.stamps_ns[before] <= largest_gap_ns:
+            places.append(before)
+        if later < len(self.stamps_ns) and self.stamps_ns[later] - end_ns <= largest_gap_ns:
+            places.append(later)
+        times = [float(self.stamps_ns[place] - start_ns) for place in places]
+        return interpolated(times, [self.poses[place] for place in places], float(stamp_ns - start_ns))
 
 
 class FrameTree:
@@ -134,11 +158,11 @@ class FrameTree:
         return frame
 
 
-def composed(links: list[Link], stamp_ns: int, largest_gap_ns: float) -> ScalarPose | None:
+def composed(links: list[Link], stamp_ns: int, largest_gap_ns: float, *, ended: bool = False) -> ScalarPose | None:
     """The pose of the lowest frame of a path in the topmost, at a time; None where a link does not know that time."""
     pose = IDENTITY
     for link in links:
-        step = link.at(stamp_ns, largest_gap_ns)
+        step = link.at(stamp_ns, largest_gap_ns, ended=ended)
         if step is None:
             return None
         pose = compose(step, pose)

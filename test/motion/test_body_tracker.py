@@ -71,6 +71,61 @@ def test_a_camera_that_moves_between_the_frames_is_interpolated() -> None:
     assert_poses(tracked(measured), TRUTH)
 
 
+def seen_by_an_arm(every: int, *, twice: bool = False) -> tuple[list[FramePose], list[FramePose]]:
+    """What a camera measures that an arm swings, and where that is at every so many of the poses; each once more if asked."""
+
+    def camera(number: float) -> ScalarPose:
+        phase = 2.0 * np.pi * 0.5 * number * PERIOD_NS / 1e9
+        w, x, y, z = quaternions.exp([0.2 * np.sin(phase), 0.1 * np.cos(1.3 * phase), 0.2 * phase]).tolist()
+        return ScalarPose((float(0.2 * np.sin(phase)), float(0.1 * np.cos(phase)), 0.6), (w, x, y, z))
+
+    body = [
+        FramePose(one.stamp_ns, "camera", "body_cube", compose(inverse(camera(number)), compose(BOARD, one.pose)))
+        for number, one in enumerate(TRUTH)
+    ]
+    moved: list[FramePose] = []
+    for number in range(-10, 60, every):
+        stamp_ns = TRUTH[0].stamp_ns + number * PERIOD_NS + 1_300_000
+        place = camera(number + 1_300_000 / PERIOD_NS)
+        moved.append(FramePose(stamp_ns, "map", "camera", place))
+        if twice:
+            (px, py, pz), turn = place
+            moved.append(FramePose(stamp_ns + 2_000, "map", "camera", ScalarPose((px + 2e-5, py, pz), turn)))
+    return body, moved
+
+
+@pytest.mark.parametrize(("every", "millimetres"), [(1, 1e-5), (5, 0.005)])
+def test_a_camera_that_an_arm_swings_is_not_taken_to_move_along_straight_lines(every: int, millimetres: float) -> None:
+    """Straight lines between its poses at 30 Hz would be 0.4 mm off, more than ten times the noise of tracking."""
+    found = tracked([board_in_map(), *(one for part in seen_by_an_arm(every) for one in part)])
+    places = [event.pose.position for event in found if isinstance(event, BodyPose)]
+    assert len(places) == len(TRUTH)
+    assert np.abs(np.array(places) - [one.pose.position for one in TRUTH]).max() < 1e-3 * millimetres
+
+
+def test_a_camera_whose_place_is_sent_twice_gives_no_more_noise_than_its_places_have() -> None:
+    found = tracked([board_in_map(), *(one for part in seen_by_an_arm(1, twice=True) for one in part)])
+    places = [event.pose.position for event in found if isinstance(event, BodyPose)]
+    assert np.abs(np.array(places) - [one.pose.position for one in TRUTH]).max() < 6e-5
+
+
+def test_where_a_moving_camera_is_does_not_depend_on_when_that_is_said() -> None:
+    body, moved = seen_by_an_arm(5)
+    at_last = tracked([board_in_map(), *body, *moved])
+    by_turns = sorted([*body, *moved], key=lambda one: one.stamp_ns)
+    assert tracked([board_in_map(), *moved, *body]) == at_last
+    assert tracked([board_in_map(), *by_turns]) == at_last
+
+
+def test_a_camera_that_says_no_more_where_it_is_costs_the_poses_after_that_and_no_others() -> None:
+    body, moved = seen_by_an_arm(5)
+    last = moved[6]
+    found = tracked([board_in_map(), *sorted([*body, *moved[:7]], key=lambda one: one.stamp_ns)])
+    known = [one for one in TRUTH if one.stamp_ns <= last.stamp_ns]
+    assert [event.stamp_ns for event in found if isinstance(event, BodyPose)] == [one.stamp_ns for one in known]
+    assert len(found) == len(TRUTH) > len(known)
+
+
 def test_where_a_camera_was_is_remembered_until_a_recording_says_late_what_leads_to_the_board() -> None:
     """The lens is fixed to a camera that moves; that and the board's place are logged after all poses."""
     camera = {number: ScalarPose((0.02 * number, 1.0, 0.5), yawed(0.03 * number)) for number in range(-1, 3000)}

@@ -47,15 +47,23 @@ def test_a_link_whose_quaternion_was_rounded_is_a_rotation() -> None:
     assert found.position == pytest.approx((0.1, 0.1, 0.0), abs=1e-12)
 
 
-def test_a_moving_link_is_exact_at_its_times_and_straight_between_them() -> None:
-    link = tree(moving(0, at(0.0)), moving(100, at(1.0)), moving(200, at(3.0))).links["camera"]
-    assert [found and found.position[0] for found in (link.at(stamp, 150) for stamp in (0, 50, 100, 150, 200))] == [
-        0,
-        0.5,
-        1,
-        2,
-        3,
-    ]
+def test_a_moving_link_is_exact_at_its_times_and_straight_between_two_that_are_alone() -> None:
+    link = tree(moving(0, at(0.0)), moving(100, at(1.0)), moving(300, at(3.0))).links["camera"]
+    found = [link.at(stamp, 100, ended=True) for stamp in (0, 50, 100, 150, 300)]
+    assert [one and one.position[0] for one in found] == [0.0, 0.5, 1.0, None, 3.0]
+
+
+def test_between_its_poses_a_moving_link_awaits_the_one_after_the_next() -> None:
+    """As a cubic through four: x = s^3, in hundreds of nanoseconds."""
+    known = tree(*(moving(100 * step, at(float(step**3))) for step in (0, 1, 2)))
+    link = known.links["camera"]
+    assert link.at(150, SECOND) is None
+    known.take(moving(220, at(2.2**3)))  # too near to say more
+    assert link.at(150, SECOND) is None
+    known.take(moving(300, at(27.0)))
+    found = link.at(150, SECOND)
+    assert found is not None
+    assert found.position[0] == pytest.approx(1.5**3)
 
 
 def test_before_its_first_and_after_its_last_time_a_moving_link_is_unknown() -> None:
@@ -67,7 +75,7 @@ def test_before_its_first_and_after_its_last_time_a_moving_link_is_unknown() -> 
 @pytest.mark.parametrize(("gap", "known"), [(100, True), (99, False)])
 def test_a_hole_in_a_moving_link_is_not_bridged(gap: int, known: bool) -> None:
     link = tree(moving(0, at(0.0)), moving(100, at(1.0))).links["camera"]
-    assert (link.at(50, gap) is not None) is known
+    assert (link.at(50, gap, ended=True) is not None) is known
 
 
 def test_a_pose_that_is_not_newer_is_left_out() -> None:

@@ -31,8 +31,8 @@ from contact_curation.storage.inputs.recording_notes import RULES_NOTE, note_of_
 from contact_curation.storage.inputs.records import InputsConfig
 from contact_curation.storage.provenance import TossProvenance
 
-RIG_MARGIN_NS = 600_000_000
-"""Additional time for poses of a moving board or camera, which are interpolated over at most half a second."""
+RIG_MARGIN_NS = 1_100_000_000
+"""Additional time for poses of a moving board or camera: two on either side are interpolated, at most half a second apart."""
 
 EXPORT_NOTE = "contact_curation.export"
 NOTES_OF_OTHERS = ("rosbag2",)
