@@ -5,7 +5,7 @@ Same conventions as `quaternions` (wxyz, Hamilton) and `poses`; tests hold the t
 """
 
 from collections.abc import Iterable, Sequence
-from math import asin, atan2, cos, sin, sqrt
+from math import asin, atan2, cos, prod, sin, sqrt
 from typing import NamedTuple
 
 Vector = tuple[float, float, float]
@@ -109,7 +109,7 @@ def rotation_by(turn: Vector) -> Quaternion:
 
 
 def interpolated(times: Sequence[float], poses: Sequence[ScalarPose], time: float) -> ScalarPose:
-    """The pose at a time by Newton's polynomial through others; through equal ones exactly these.
+    """The pose at a time by Lagrange's polynomial through others; through equal ones exactly these.
 
     Through two it is a straight line, and slerp. Orientations are interpolated as rotation vectors seen from the first pose,
     which should be next to the time.
@@ -119,25 +119,11 @@ def interpolated(times: Sequence[float], poses: Sequence[ScalarPose], time: floa
         poses: of one frame in another.
         time: where the pose is wanted.
     """
-    first = poses[0]
-    back = conjugate(first.orientation_wxyz)
-    moved = [tuple(a - b for a, b in zip(one.position, first.position)) for one in poses]
-    turned = [rotation_vector(multiply(back, one.orientation_wxyz)) for one in poses]
-    numbers = zip(*(place + turn for place, turn in zip(moved, turned)), strict=True)
-    px, py, pz, *turn = (_newton(times, values, time) for values in numbers)
-    x, y, z = first.position
-    orientation = unit(multiply(first.orientation_wxyz, rotation_by(vector(turn))))
-    return ScalarPose((x + px, y + py, z + pz), orientation)
-
-
-def _newton(times: Sequence[float], values: Sequence[float], time: float) -> float:
-    """Newton's polynomial through values, by divided differences."""
-    differences = list(values)
-    last = len(differences) - 1
-    for order in range(1, last + 1):
-        for place in range(last, order - 1, -1):
-            differences[place] = (differences[place] - differences[place - 1]) / (times[place] - times[place - order])
-    found = differences[last]
-    for place in range(last - 1, -1, -1):
-        found = found * (time - times[place]) + differences[place]
-    return found
+    (x, y, z), first = poses[0]
+    back, (dx, dy, dz), turn = conjugate(first), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for at, ((px, py, pz), orientation) in zip(times[1:], poses[1:], strict=True):
+        weight = prod((time - other) / (at - other) for other in times if other != at)
+        rx, ry, rz = rotation_vector(multiply(back, orientation))
+        dx, dy, dz = dx + weight * (px - x), dy + weight * (py - y), dz + weight * (pz - z)
+        turn = turn[0] + weight * rx, turn[1] + weight * ry, turn[2] + weight * rz
+    return ScalarPose((x + dx, y + dy, z + dz), unit(multiply(first, rotation_by(turn))))
