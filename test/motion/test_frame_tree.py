@@ -48,9 +48,9 @@ def test_a_link_whose_quaternion_was_rounded_is_a_rotation() -> None:
 
 
 def test_a_moving_link_is_exact_at_its_times_and_straight_between_two_that_are_alone() -> None:
-    link = tree(moving(0, at(0.0)), moving(100, at(1.0)), moving(300, at(3.0))).links["camera"]
-    found = [link.at(stamp, 100, ended=True) for stamp in (0, 50, 100, 150, 300)]
-    assert [one and one.position[0] for one in found] == [0.0, 0.5, 1.0, None, 3.0]
+    link = tree(moving(0, at(0.0)), moving(100, at(1.0)), moving(300, at(3.0)), moving(400, at(7.0))).links["camera"]
+    found = [link.at(stamp, 100, ended=True) for stamp in (0, 50, 100, 150, 300, 350)]
+    assert [one and one.position[0] for one in found] == [0.0, 0.5, 1.0, None, 3.0, 5.0]
 
 
 def test_between_its_poses_a_moving_link_awaits_the_one_after_the_next() -> None:
