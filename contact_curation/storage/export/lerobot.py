@@ -10,7 +10,8 @@
 Columns of a frame, in addition to those of every LeRobot dataset:
 
     observation.state   position (3) [m], orientation wxyz (4), linear velocity (3) [m/s] in the board's frame, angular velocity
-                        (3) [rad/s] in the body's; position and velocity are those of the centre of mass
+                        (3) [rad/s] in the body's; position and velocity are those of the centre of mass; of q and -q it has
+                        the one that is nearer to the frame before, and at first the one with w >= 0
     stamp_ns            the frame's own stamp: LeRobot's `timestamp` is frame_index / fps
 
 Read and checked against LeRobot 0.6.1 (lerobot/datasets: dataset_writer, dataset_metadata, io_utils).
@@ -18,7 +19,7 @@ Read and checked against LeRobot 0.6.1 (lerobot/datasets: dataset_writer, datase
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import states_of
 from contact_curation.storage.export.selected import SelectedToss
@@ -62,8 +64,9 @@ def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Col
         fps: frame rate of the dataset [Hz].
     """
     frames = np.arange(toss.frames, dtype=np.int64)
+    steady = replace(toss, orientations_wxyz=without_sign_flips(toss.orientations_wxyz))
     return {
-        "observation.state": states_of(toss, METRES).astype(np.float32),
+        "observation.state": states_of(steady, METRES).astype(np.float32),
         "stamp_ns": toss.stamps_ns,
         "timestamp": (frames / fps).astype(np.float32),
         "frame_index": frames,
@@ -71,6 +74,17 @@ def episode_columns(toss: Toss, episode: int, first_index: int, fps: int) -> Col
         "index": first_index + frames,
         "task_index": np.zeros(toss.frames, dtype=np.int64),
     }
+
+
+def without_sign_flips(orientations_wxyz: Array) -> Array:
+    """The same orientations (T, 4), each as q or -q so that numbers change from frame to frame only as far as the body turns.
+
+    Trackers publish either sign at random, which rotations do not notice; but a policy and the statistics see the numbers.
+    """
+    first = np.array([1.0, 0.0, 0.0, 0.0])
+    before = np.concatenate([first[np.newaxis], orientations_wxyz[:-1]])
+    flips = np.where((before * orientations_wxyz).sum(axis=1) < 0.0, -1.0, 1.0)
+    return np.asarray(np.cumprod(flips)[:, np.newaxis] * orientations_wxyz)
 
 
 def frames_table(columns: Mapping[str, NDArray[Any]]) -> pa.Table:

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.export.lerobot import EVIDENCE, FEATURES, feature_stats, write_lerobot
+from contact_curation.storage.export.lerobot import EVIDENCE, FEATURES, episode_columns, feature_stats, write_lerobot
 from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.manifest.manifest import ManifestRow
 from contact_curation.storage.provenance import TossProvenance
@@ -75,6 +75,16 @@ def test_frames_are_poses_and_twists_with_lerobots_columns_a_row_group_per_toss(
         assert set(table["episode_index"].to_pylist()) == {episode}
         assert set(table["task_index"].to_pylist()) == {0}
         first += toss.frames
+
+
+def test_orientations_do_not_flip_their_sign_where_a_tracker_does() -> None:
+    toss = synthetic_toss(0.25)
+    signs = np.where(np.arange(toss.frames) % 3 == 0, -1.0, 1.0)[:, None]
+    flipped = replace(toss, orientations_wxyz=signs * toss.orientations_wxyz)
+    wanted, found = (episode_columns(one, 0, 0, 148)["observation.state"][:, 3:7] for one in (toss, flipped))
+    np.testing.assert_array_equal(found, wanted)
+    assert found[0, 0] >= 0.0
+    assert (np.einsum("ti,ti->t", found[1:], found[:-1]) > 0.0).all()
 
 
 def test_episodes_say_where_their_frames_are_and_what_the_ranking_says_of_them(dataset: Path) -> None:
