@@ -97,6 +97,15 @@ class UnreadableInputError(ContactCurationError):
         self.path = Path(path)
 
 
+class ChangedTossError(UnreadableInputError):
+    """A toss is another one when it is read from a part of its recording."""
+
+    def __init__(self, path: Path | str, toss_id: str) -> None:
+        found = f"found toss {toss_id} changed when read from a part of it, expected the same"
+        why = "(header stamps that jitter are made even by all poses before them)"
+        super().__init__(path, f"{found} {why}: export to another --format")
+
+
 def why_unreadable(path: Path, error: OSError) -> str:
     """Why the system does not read a file, and where there is none of the name, the nearest name in its folder.
 

@@ -8,6 +8,7 @@ import pytest
 from contact_curation import errors
 from contact_curation.contact.body_values import MissingKeyError
 from contact_curation.errors import (
+    ChangedTossError,
     ContactCurationError,
     InvalidValueError,
     MissingDependencyError,
@@ -52,6 +53,7 @@ ERRORS = [
     UnwritableOutputError("m.json", "No space left on device"),
     UnknownNameError("field", "gates.dpth", ["gates.depth", "gates.spin"]),
     UnreadableInputError("a.mcap", "is cut off"),
+    ChangedTossError("a.mcap", "cube-1"),
     NewerVersionError("a.json", "a manifest", 3, 2),
     MissingTopicError("a.mcap", "/odom", []),
     UnloadableLibraryError("torch/_C.so", "libtorch_cpu.so: failed to map segment"),

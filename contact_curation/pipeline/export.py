@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from contact_curation.errors import ContactCurationError, InvalidValueError, UnwritableOutputError
+from contact_curation.errors import ChangedTossError, ContactCurationError, InvalidValueError, UnwritableOutputError
 from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.pipeline.division import read_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
@@ -160,7 +160,7 @@ def _exported_bags(job: ExportJob, folder: Path, advance: Advance) -> tuple[list
         files = {toss_id: folder / (f"{toss_id}.mcap" if job.per_toss else name) for toss_id in wanted}
         try:
             exports.append(export_bag(path, files, job.reading.body, job.reading.inputs, advance))
-        except UnwritableOutputError:
+        except (ChangedTossError, UnwritableOutputError):
             raise
         except ContactCurationError as error:
             problems.append(str(error))

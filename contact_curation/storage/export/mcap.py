@@ -19,7 +19,7 @@ from mcap.well_known import SchemaEncoding
 from rosbags.typesys import Stores, get_typestore
 
 from contact_curation.contact.body import Body
-from contact_curation.errors import UnreadableInputError
+from contact_curation.errors import ChangedTossError
 from contact_curation.motion.pose_noise import TrackerScale
 from contact_curation.motion.segmenter_config import SegmenterConfig
 from contact_curation.storage.bags.reader import BagReader
@@ -203,7 +203,8 @@ def export_bag(
         advance: called with the number of further motions that were read.
 
     Raises:
-        UnreadableInputError: the file is no bag, or a toss read from the part differs from that of the whole recording.
+        UnreadableInputError: the file is no bag.
+        ChangedTossError: a toss read from the part differs from that of the whole recording.
         MissingTopicError: no topic, or more than one, may contain the body's poses.
         InvalidValueError: a file cannot be written.
     """
@@ -220,8 +221,7 @@ def export_bag(
             if not changed:
                 break
         else:
-            why = f"found toss {changed[0]} changed when read from a part of it, expected the same: export to another --format"
-            raise UnreadableInputError(path, why)
+            raise ChangedTossError(path, changed[0])
     taken = {motion.toss_id: files[motion.toss_id] for motion in motions}
     others = sorted(set(again) - set(taken))
     extra = (f"{path}: the export holds motions that were not selected, too: {', '.join(others)}",) if others else ()

@@ -10,6 +10,7 @@ import pytest
 from contact_curation.cli.export import KINDS
 from contact_curation.cli.main import main
 from contact_curation.pipeline.export import FORMATS, file_names
+from contact_curation.storage.export import mcap as export_mcap
 from contact_curation.storage.manifest.file import read_manifest
 from test.cli.commands import Cli
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
@@ -156,6 +157,18 @@ def test_what_else_cannot_be_done_is_one_line(cli: Cli, golden: Path, manifest: 
     missing = refused(cli, tmp_path / "none.mcap", "--manifest", manifest, "--format", "mcap", *out)
     assert "none.mcap" in missing
     assert not (tmp_path / "out").exists()
+
+
+def test_a_toss_that_comes_out_otherwise_is_not_said_to_be_missing(
+    cli: Cli, golden: Path, manifest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(export_mcap, "digests_in", lambda *_: {})
+    done = cli("export", golden, "--manifest", manifest, "--format", "mcap", "--out", tmp_path / "kept")
+    assert done.status == 1
+    assert done.err_lines[-1].startswith(f"contact-curation: error: {golden}: found toss cube-")
+    assert done.err_lines[-1].endswith("poses before them): export to another --format")
+    assert "not in them" not in done.err
+    assert not (tmp_path / "kept").exists()
 
 
 def test_every_format_has_its_writer() -> None:
