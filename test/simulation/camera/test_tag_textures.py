@@ -26,11 +26,13 @@ def picture(tag_id: int) -> Image:
     return np.pad(large, MARGIN, constant_values=np.uint8(128))
 
 
-def opencv_corners(image: Image) -> tuple[int, Array]:
+def opencv_corners(image: Image, refinement: str = "CORNER_REFINE_NONE") -> tuple[int, Array]:
     import cv2
 
     aruco: Any = cv2.aruco
-    detector = aruco.ArucoDetector(aruco.getPredefinedDictionary(aruco.DICT_APRILTAG_36h11))
+    parameters = aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = getattr(aruco, refinement)
+    detector = aruco.ArucoDetector(aruco.getPredefinedDictionary(aruco.DICT_APRILTAG_36h11), parameters)
     (corners,), ids, _ = detector.detectMarkers(image)
     return int(np.ravel(ids)[0]), np.asarray(corners, dtype=float).reshape(4, 2)
 
@@ -48,6 +50,16 @@ def test_opencv_reads_the_same_tag_and_its_corners_become_ours() -> None:
     tag_id, corners = opencv_corners(picture(7))
     assert tag_id == 7
     np.testing.assert_allclose(in_our_order(corners, CornerOrder.OPENCV_TURNED), UPRIGHT, atol=1.1)
+
+
+@pytest.mark.parametrize(
+    ("refinement", "first_pixel"),
+    [("CORNER_REFINE_SUBPIX", 0.0), ("CORNER_REFINE_CONTOUR", 0.0), ("CORNER_REFINE_APRILTAG", 0.5)],
+)
+def test_opencv_has_its_own_first_pixel_unless_it_refines_as_the_apriltag_library(refinement: str, first_pixel: float) -> None:
+    _, corners = opencv_corners(picture(7), refinement)
+    found = in_our_order(corners, CornerOrder.OPENCV_TURNED) - UPRIGHT
+    np.testing.assert_allclose(found.mean(axis=0), first_pixel, atol=0.1)
 
 
 def test_an_image_without_tags_has_none() -> None:
