@@ -14,7 +14,7 @@ from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
 from contact_curation.storage.export.data_card import CARD, data_card
-from contact_curation.storage.export.lerobot import write_lerobot
+from contact_curation.storage.export.lerobot import uneven_lines, write_lerobot
 from contact_curation.storage.export.mcap import BagExport, export_bag
 from contact_curation.storage.export.selected import (
     SelectedToss,
@@ -93,7 +93,8 @@ def to_lerobot(job: ExportJob, folder: Path, advance: Advance) -> Exported:
     found = found_tosses(job, job.reading.inputs, advance)
     write_lerobot(found.tosses, job.reading.body.name, folder)
     write_manifest(job.selected_manifest, folder / "meta" / "curation.json")
-    return Exported({toss_id: f"episode {number}" for number, toss_id in enumerate(job.rows)}, found.warnings)
+    warnings = (*found.warnings, *uneven_lines([one.toss for one in found.tosses]))
+    return Exported({toss_id: f"episode {number}" for number, toss_id in enumerate(job.rows)}, warnings)
 
 
 def to_mcap(job: ExportJob, folder: Path, advance: Advance) -> Exported:

@@ -15,7 +15,8 @@ import numpy as np
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.toss import Toss
+from contact_curation.motion.restored_toss import JITTER
+from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.motion.transitions import states_of
 from contact_curation.storage.datasets.contactnets import COLUMNS, CONTROL, FRAME_RATE, SUBFOLDER, of_tracked_frame
 from contact_curation.storage.export.selected import SelectedToss
@@ -34,7 +35,7 @@ def write_contactnets(tosses: Sequence[SelectedToss], body: Body, folder: Path, 
         copied: whether tosses that came from such files are copied; False if a calibration was applied.
 
     Raises:
-        InvalidValueError: a toss has another frame rate than ContactNets' files.
+        InvalidValueError: a toss has another frame rate than ContactNets' files, or its frames are not evenly spaced.
     """
     target = folder / SUBFOLDER
     target.mkdir()
@@ -50,12 +51,16 @@ def contactnets_rows(toss: Toss, body: Body) -> Array:
     """The rows (T, 19) of a toss, of the frame that a tracker follows, with lengths in the body's length scale.
 
     Raises:
-        InvalidValueError: the toss has another frame rate than ContactNets' files.
+        InvalidValueError: the toss has another frame rate than ContactNets' files, or its frames are not evenly spaced.
     """
     rate = 1.0 / toss.frame_period
     if abs(rate / FRAME_RATE - 1.0) > LARGEST_RATE_ERROR:
         expected = f"{FRAME_RATE:g} Hz, as which ContactNets' files are read; --format lerobot takes other rates"
         raise InvalidValueError(f"frame rate of toss {toss.toss_id}", f"{rate:.4g} Hz", expected)
+    steps = FRAME_RATE * np.diff(toss.stamps_ns) / NANOSECONDS  # in frame periods
+    if (off := np.abs(steps - 1.0)).max() > JITTER:
+        found, expected = f"{steps[off.argmax()]:.3g} frame periods", "1: these files have no stamps; --format lerobot has them"
+        raise InvalidValueError(f"time between frames of toss {toss.toss_id}", found, expected)
     states = states_of(of_tracked_frame(toss, body), body.length_scale)
     return np.concatenate([states, np.zeros((toss.frames, COLUMNS - CONTROL.start))], axis=1)
 

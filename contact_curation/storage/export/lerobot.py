@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
-from contact_curation.motion.toss import Toss
-from contact_curation.motion.transitions import states_of
+from contact_curation.motion.toss import NANOSECONDS, Toss
+from contact_curation.motion.transitions import periods_of, states_of
 from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.manifest.file import TYPES
 from contact_curation.storage.manifest.manifest import ManifestRow
@@ -178,6 +178,22 @@ def common_rate(tosses: Sequence[Toss]) -> int:
             found = f"{1.0 / toss.frame_period:.4g} Hz"
             raise InvalidValueError(f"frame rate of toss {toss.toss_id}", found, f"about {max(fps, 1)} Hz, one for all tosses")
     return fps
+
+
+def uneven_lines(tosses: Sequence[Toss]) -> tuple[str, ...]:
+    """A line if frames are missing or uneven, so that LeRobot's `timestamp`, which counts frames, is not the time.
+
+    Args:
+        tosses: of the dataset.
+    """
+    uneven = [one for one in tosses if (periods_of(one) != np.arange(one.frames)).any()]
+    if not uneven:
+        return ()
+    fps = common_rate(tosses)
+    times = [(one.stamps_ns - one.stamps_ns[0]) / NANOSECONDS for one in uneven]
+    most = max(np.abs(seconds - np.arange(len(seconds)) / fps).max() for seconds in times)
+    off = f"their `timestamp`, which counts frames, is off by up to {most:.2g} s: `stamp_ns` has the times"
+    return (f"frames are missing or uneven in {len(uneven)} of {len(tosses)} tosses, and {off}",)
 
 
 def _episode(selected: SelectedToss, number: int, first: int, task: str, columns: Columns) -> dict[str, Any]:

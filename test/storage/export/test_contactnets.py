@@ -106,6 +106,13 @@ def test_another_frame_rate_is_refused_for_files_do_not_tell_it(tmp_path: Path) 
     assert contactnets_rows(almost, CUBE).shape == (almost.frames, 19)
 
 
+def test_missing_frames_are_refused_for_files_are_read_as_if_there_were_none() -> None:
+    whole = synthetic_toss()
+    stamps = whole.stamps_ns + np.where(np.arange(whole.frames) < 5, 0, round(1e9 / 148.0))
+    with pytest.raises(InvalidValueError, match=r"found 2 frame periods, expected 1: .*; --format lerobot has them"):
+        contactnets_rows(replace(whole, stamps_ns=stamps), CUBE)
+
+
 def test_real_tosses_that_were_imported_to_a_bag_come_back_but_for_their_random_heading(
     contactnets_folder: Path, tmp_path: Path
 ) -> None:

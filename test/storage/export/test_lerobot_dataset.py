@@ -14,7 +14,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.storage.export.lerobot import EVIDENCE, FEATURES, episode_columns, feature_stats, write_lerobot
+from contact_curation.storage.export.lerobot import (
+    EVIDENCE,
+    FEATURES,
+    episode_columns,
+    feature_stats,
+    uneven_lines,
+    write_lerobot,
+)
 from contact_curation.storage.export.selected import SelectedToss
 from contact_curation.storage.manifest.manifest import ManifestRow
 from contact_curation.storage.provenance import TossProvenance
@@ -127,6 +134,15 @@ def test_tasks_are_indexed_by_their_names_as_pandas_has_it(dataset: Path) -> Non
     table = pq.read_table(dataset / "meta" / "tasks.parquet")
     assert table.to_pydict() == {"task_index": [0], "task": ["toss the cube"]}
     assert json.loads(table.schema.metadata[b"pandas"])["index_columns"] == ["task"]
+
+
+def test_where_frames_are_missing_a_line_says_how_far_timestamps_are_off() -> None:
+    whole = synthetic_toss(0.25)
+    stamps = whole.stamps_ns + np.where(np.arange(whole.frames) < 5, 0, round(1e9 / 148.0))
+    assert uneven_lines([whole]) == ()
+    (line,) = uneven_lines([whole, replace(whole, stamps_ns=stamps)])
+    assert "in 1 of 2 tosses" in line
+    assert "off by up to 0.0068 s" in line
 
 
 def test_tosses_of_different_frame_rates_are_no_dataset(tmp_path: Path) -> None:
