@@ -10,8 +10,9 @@ from contact_curation.pipeline.division import read_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.workers import Advance, unheard
+from contact_curation.storage.bags.file import file_sha256
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.datasets.contactnets import SUBFOLDER
+from contact_curation.storage.datasets.contactnets import SUBFOLDER, contactnets_files
 from contact_curation.storage.export.contactnets import write_contactnets
 from contact_curation.storage.export.data_card import CARD, data_card
 from contact_curation.storage.export.lerobot import uneven_lines, write_lerobot
@@ -137,13 +138,30 @@ def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unhear
     Raises:
         InvalidValueError: one of them is in no input.
     """
-    read = read_tosses(job.inputs, replace(job.reading, inputs=inputs), advance=advance, only=job.rows)
+    read = read_tosses(_ranked_first(job), replace(job.reading, inputs=inputs), advance=advance, only=job.rows)
     outcomes = {**read.by_id, **{one.toss.toss_id: one.toss for one in read.rejected}}
     check_all_found(job.rows, outcomes, job.manifest_path, read.warnings)
     tosses = tuple(SelectedToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
     changed = changed_inputs((one.row, one.origin) for one in tosses)
     otherwise = read_otherwise(job.manifest, job.manifest_path, job.reading.inputs)
     return SelectedTosses(tosses, (*read.warnings, *changed, *otherwise))
+
+
+def _ranked_first(job: ExportJob) -> tuple[Path, ...]:
+    """The inputs, those first whose bytes were ranked: of tosses with the same id the first one counts."""
+    if len(job.inputs) == 1:
+        return job.inputs
+    ranked = {row.input_sha256 for row in job.rows.values()}
+    return tuple(sorted(job.inputs, key=lambda path: ranked.isdisjoint(_digests(path))))
+
+
+def _digests(path: Path) -> set[str]:
+    """Of a recording, or of each of ContactNets' files; none where they cannot be read."""
+    try:
+        files = contactnets_files(path) if is_contactnets(path) else []
+        return {file_sha256(file) for file in files} or {_digest(path)}
+    except (ContactCurationError, OSError):
+        return set()
 
 
 def _exported_bags(job: ExportJob, folder: Path, advance: Advance) -> tuple[list[BagExport], list[str]]:

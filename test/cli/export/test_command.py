@@ -110,6 +110,18 @@ def test_a_copy_of_an_input_gives_nothing_twice(cli: Cli, golden: Path, manifest
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"README.md", "copy.mcap", "manifest.json"}
 
 
+def test_of_tosses_with_one_id_the_ranked_one_is_exported_whatever_the_order_of_the_inputs(cli: Cli, tmp_path: Path) -> None:
+    ranked, other, manifest = tmp_path / "ranked", tmp_path / "other", tmp_path / "m.csv"
+    for folder, height in ((ranked, 0.25), (other, 0.2)):
+        folder.mkdir()
+        save_contactnets(folder, 17, synthetic_toss(height))
+    cli("rank", ranked, "--out", manifest, "--no-figure")
+    done = cli("export", other, ranked, "--manifest", manifest, "--format", "contactnets", "--out", tmp_path / "out")
+    assert done.status == 0
+    assert "its bytes are not those" not in done.err
+    assert digests(tmp_path / "out" / "tosses_processed").popitem()[1] == digests(ranked).popitem()[1]
+
+
 def test_recordings_of_one_name_do_not_take_each_others_place(tmp_path: Path) -> None:
     (tmp_path / "c" / "run.v2").mkdir(parents=True)
     paths = [Path("a/run.mcap"), Path("b/run.bag"), Path("run.db3"), Path("run-2.mcap"), tmp_path / "c" / "run.v2"]
