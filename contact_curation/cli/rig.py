@@ -15,7 +15,7 @@ from contact_curation.cli.report import add_json_option, print_json, warn
 from contact_curation.errors import NothingFoundError
 from contact_curation.motion.calibration import FEWEST_TOSSES, NO_CORRECTION
 from contact_curation.motion.survey.mass_centre import MassCentre
-from contact_curation.motion.survey.rig import Estimate, RigEstimate, estimate_rig, worth_correcting
+from contact_curation.motion.survey.rig import Estimate, RigEstimate, worth_correcting
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.findings.body import moving_parts, other_frame
@@ -62,11 +62,13 @@ def run(arguments: argparse.Namespace) -> int:
     if evidence.fall is None or not evidence.fall.sound:
         raise NothingFoundError(concluded(evidence).verdict, warnings)
     warn(warnings)
-    found = estimate_rig(evidence.survey, body.polytope, evidence.true_fall, center=evidence.center, fewest=FEWEST_TOSSES)
+    found = evidence.estimated_rig(FEWEST_TOSSES)
     correction = worth_correcting(found) if evidence.tracked is None else evidence.tracked.rig  # which comes first
     settings = settings_of(correction) if stages["rig"] == NO_CORRECTION else ""
     rigid = evidence.departure is None
-    centre = None if not rigid else evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig)
+    centre = (
+        None if not rigid else evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig, body.center_of_mass)
+    )
     move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
     options = " ".join(one for one in (move, settings) if one)
     needed = bool(move) or evidence.tracked is not None or not found.needs_none

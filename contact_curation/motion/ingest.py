@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from contact_curation.geometry.scalars import inverse
+from contact_curation.geometry.scalars import inverse, vector
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker, ClockJump, TrackerConfig, TrackerEvent, body_poses
 from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration, apply_calibration
 from contact_curation.motion.even_stamps import StampEvener
@@ -31,7 +31,8 @@ class IngestConfig:
         segmenter: when a motion is a toss.
         gates: what a toss must pass.
         rig: what tracked; its marker is applied to poses, so that velocities are those of the centre of mass, its board and
-            length scale to motions once they are cut, since rules of cutting may be a recording's own.
+            length scale to motions once they are cut, since rules of cutting may be a recording's own. The centre of mass is
+            described in metres, and is moved to in the length of the poses.
     """
 
     tracker: TrackerConfig
@@ -69,7 +70,8 @@ class TossIngest:
         self._complete = complete
         self._body = body
         self._rig = config.rig.without_marker
-        self._tracker = BodyTracker(config.tracker, config.rig.marker)
+        in_poses = vector(place / config.rig.scale for place in config.tracker.center_of_mass)
+        self._tracker = BodyTracker(replace(config.tracker, center_of_mass=in_poses), config.rig.marker)
         self._stamps = StampEvener(config.tracker.body_frame)
         tracked = inverse(self._tracker.center)
         self._segmenter = TossSegmenter(config.segmenter, body, source=source, rig=self._rig, tracked=tracked)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.geometry.scalars import ScalarPose, compose, inverse
+from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose, inverse
 from contact_curation.motion.body_tracker import BodyPose, TrackerConfig
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.gate_config import GateConfig
@@ -273,6 +273,20 @@ def test_a_marker_beside_the_body_leaves_the_velocities_of_its_centre_of_mass() 
         np.testing.assert_allclose(one.positions, other.positions, atol=1e-9)
         np.testing.assert_allclose(one.linear_velocities, other.linear_velocities, atol=1e-7)
         np.testing.assert_allclose(one.angular_velocities, other.angular_velocities, atol=1e-6)
+
+
+def test_a_centre_of_mass_is_described_in_true_metres_whatever_the_length_scale() -> None:
+    beside, rig = (0.03, -0.02, 0.04), RigCalibration(scale=1.02)
+    x, y, z = beside
+    tracked = inverse(ScalarPose((x / rig.scale, y / rig.scale, z / rig.scale), IDENTITY.orientation_wxyz))
+    moved = [
+        replace(one, pose=compose(one.pose, tracked)) if one.child == CONFIG.tracker.body_frame else one for one in MEASURED
+    ]
+    described = replace(CONFIG.tracker, center_of_mass=beside)
+    seen = ingested(moved, fresh(replace(CONFIG, tracker=described, rig=rig)))
+    central = ingested(MEASURED, fresh(replace(CONFIG, rig=rig)))
+    for one, other in zip(map(toss_of, seen), map(toss_of, central), strict=True):
+        np.testing.assert_allclose(one.positions, other.positions, atol=1e-9)
 
 
 def toss_of(event: IngestEvent) -> Toss:

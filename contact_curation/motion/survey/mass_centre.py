@@ -17,7 +17,7 @@ from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.survey.falls import Flight, Survey
-from contact_curation.motion.survey.rig import CONFIDENCE, Estimate
+from contact_curation.motion.survey.rig import AT_ORIGIN, CONFIDENCE, Estimate
 from contact_curation.motion.survey.series import PoseSeries
 
 FEWEST_FLIGHTS = 8
@@ -69,14 +69,16 @@ class MassCentre(NamedTuple):
         first, second, third = (Estimate(*map(float, one)) for one in zip(self.place, self.place - half, self.place + half))
         return first, second, third
 
-    def seen_from_described(self, rig: RigCalibration) -> "MassCentre":
+    def seen_from_described(self, rig: RigCalibration, described: Array = AT_ORIGIN) -> "MassCentre":
         """The same from where a body's centre of mass is described, along its described axes [m].
 
         Args:
             rig: what corrects the poses.
+            described: (3,) that place in the tracked frame, to which poses were moved as if their lengths were true [m].
         """
         turn = quaternions.to_matrix(quaternions.exp(np.array(rig.marker_turn))) * rig.scale
-        return self._replace(place=turn @ self.place - rig.marker_offset, covariance=turn @ self.covariance @ turn.T)
+        place = turn @ (self.place + described - described / rig.scale) - rig.marker_offset
+        return self._replace(place=place, covariance=turn @ self.covariance @ turn.T)
 
     @property
     def distance(self) -> float:

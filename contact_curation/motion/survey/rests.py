@@ -83,6 +83,10 @@ class Rests(NamedTuple):
     def __len__(self) -> int:
         return len(self.depths)
 
+    def seen_from(self, place: Array) -> "Rests":
+        """The same of a frame whose origin is at a place (3,) in the tracked one [m]."""
+        return Rests(self.turns, self.places + self.turns @ place, self.normals, self.depths)
+
 
 @dataclass(frozen=True, eq=False)
 class RestEstimate:

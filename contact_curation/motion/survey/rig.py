@@ -36,6 +36,9 @@ OUTLYING = 4.0
 IN_TURN = 3
 """Rounds of estimating scale, then board and marker."""
 
+AT_ORIGIN = np.zeros(3)
+"""[m] A centre of mass in the origin of the tracked frame."""
+
 
 type Triple = tuple["Estimate", "Estimate", "Estimate"]
 
@@ -130,6 +133,7 @@ def estimate_rig(
     gravity: float = 9.81,
     *,
     center: Array | None = None,
+    described: Array = AT_ORIGIN,
     fewest: int = FEWEST_THROWS,
 ) -> RigEstimate:
     """The rig of some throws.
@@ -139,6 +143,7 @@ def estimate_rig(
         polytope: the body's.
         gravity: the true one [m/s^2].
         center: (3,) centre of mass seen from the origin of the poses, if it is known not to be there [m].
+        described: (3,) centre of mass seen from the tracked frame, to which poses were moved as if their lengths were true [m].
         fewest: throws.
 
     Raises:
@@ -151,7 +156,8 @@ def estimate_rig(
     centre = np.array([*np.median(rests.places[:, :2], axis=0), 0.0])
     scale = _scale(survey, gravity, center)
     for _ in range(IN_TURN):
-        found = estimate_rests(rests, 1.0 + scale.value, centre)
+        moved = described / (1.0 + scale.value) - described
+        found = estimate_rests(rests.seen_from(moved), 1.0 + scale.value, centre)
         rig = RigCalibration(
             normal=vector(found.up),
             centre=vector(centre),
@@ -160,10 +166,10 @@ def estimate_rig(
             marker_turn=vector(found.values[TURN]),
             marker_offset=vector(found.values[PLACE]),
         )
-        if center is not None or not any(rig.marker_offset):
+        if center is not None or not (any(rig.marker_offset) or moved.any()):
             break
         askew = quaternions.conjugate(quaternions.exp(rig.marker_turn))
-        scale = _scale(survey, gravity, quaternions.rotate(askew, rig.marker_offset) / rig.scale)
+        scale = _scale(survey, gravity, moved + quaternions.rotate(askew, rig.marker_offset) / rig.scale)
     return RigEstimate(
         throws=len(throws),
         rests=len(rests),

@@ -16,7 +16,7 @@ from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
 from contact_curation.motion.survey.rests import on_board
-from contact_curation.motion.survey.rig import RigEstimate, estimate_rig
+from contact_curation.motion.survey.rig import FEWEST_THROWS, RigEstimate, estimate_rig
 from contact_curation.motion.survey.rigidity import Departure, departure
 from contact_curation.motion.survey.series import PoseSeries
 from contact_curation.motion.survey.size import size_ratio
@@ -219,7 +219,7 @@ class Evidence:
         """
         if self.rig is None or self.mass_centre is None or self.departure is not None or self.tracked is not None:
             return None
-        found = self.mass_centre.seen_from_described(self.rig.rig)
+        found = self.mass_centre.seen_from_described(self.rig.rig, self.body.center_of_mass)
         return found if found.is_elsewhere and found.distance > WORTH_MOVE * size_of(self.body.vertices) else None
 
     @cached_property
@@ -247,9 +247,19 @@ class Evidence:
         if self.fall is None or not self.fall.sound:
             return None
         try:
-            return estimate_rig(self.survey, self.body.polytope, self.true_fall, center=self.center)
+            return self.estimated_rig()
         except InvalidValueError:
             return None
+
+    def estimated_rig(self, fewest: int = FEWEST_THROWS) -> RigEstimate:
+        """The rig by at least so many throws.
+
+        Raises:
+            InvalidValueError: they are fewer.
+        """
+        body, center = self.body, self.center
+        described = body.center_of_mass
+        return estimate_rig(self.survey, body.polytope, self.true_fall, center=center, described=described, fewest=fewest)
 
     @cached_property
     def size(self) -> float | None:

@@ -121,9 +121,15 @@ def read_contactnets_toss(file: Path, body: Body = CONTACTNETS_CUBE) -> Toss:
         raise UnreadableInputError(file, str(error)) from error
 
 
-def of_center_of_mass(toss: Toss, body: Body) -> Toss:
-    """The motion of the body's centre of mass, where `toss` is that of the frame that the tracker followed, as in the files."""
-    return apply_calibration(toss, RigCalibration(marker_offset=vector(body.center_of_mass)))
+def of_center_of_mass(toss: Toss, body: Body, scale: float = 1.0) -> Toss:
+    """The motion of the body's centre of mass, where `toss` is that of the frame that the tracker followed, as in the files.
+
+    Args:
+        toss: in the length of its tracker.
+        body: whose centre of mass is described in metres.
+        scale: what lengths of the tracker are multiplied with later.
+    """
+    return apply_calibration(toss, RigCalibration(marker_offset=vector(body.center_of_mass / scale)))
 
 
 def of_tracked_frame(toss: Toss, body: Body) -> Toss:
@@ -225,7 +231,7 @@ def read_contactnets_tosses(path: Path, body: Body, config: InputsConfig) -> Inp
 def _gated(file: Path, digest: str, body: Body, config: InputsConfig) -> Found:
     stored = read_contactnets_toss(file, body)
     tracked = stored if config.as_stored else restored_of(stored, body).toss
-    toss = apply_calibration(of_center_of_mass(tracked, body), config.rig)
+    toss = apply_calibration(of_center_of_mass(tracked, body, config.rig.scale), config.rig)
     reasons = inspect(toss, body, config.gates, config.segmenter.tracker)
     return Found(Rejected(toss, reasons) if reasons else toss, TossProvenance(str(file), digest))
 

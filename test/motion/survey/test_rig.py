@@ -1,13 +1,18 @@
 """Of rigs whose errors are known, throws tell which are the board's and which the marker's, and intervals hold the truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.geometry import quaternions
 from contact_curation.geometry.polytopes import Polytope, box
 from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.scalars import vector
 from contact_curation.motion.calibration import calibrated_poses
 from contact_curation.motion.survey.falls import survey
+from contact_curation.motion.survey.mass_centre import mass_centre
 from contact_curation.motion.survey.rig import RigEstimate, estimate_rig, worth_correcting
 from test.motion.survey.rigs import MANY, Rig, Throws, recorded
 
@@ -102,6 +107,22 @@ def test_rests_that_are_none_move_nothing() -> None:
         one.orientations_wxyz[45:] = recorded(CUBE, Rig(tilt=(0.1, -0.12)), Throws(1), seed=3)[0].orientations_wxyz[45]
     found = estimate_rig(survey(series), CUBE)
     np.testing.assert_allclose(found.rig.marker_turn, rig.marker_turn, atol=1.5e-3)
+
+
+def test_a_centre_of_mass_that_was_described_in_true_metres_moves_no_marker() -> None:
+    """Poses were moved by all of it, where lengths are 5 % too short: 3 mm too far."""
+    rig, place = Rig(scale=1.05), np.array([0.05, -0.02, 0.03])
+    series = recorded(SLAB, replace(rig, marker_offset=vector(place)), Throws(40, spin=6.0))
+    for one in series:
+        one.positions[:] += quaternions.rotate(one.orientations_wxyz, place)
+    found = estimate_rig(survey(series), SLAB, described=place)
+    assert not found.rig.has_marker
+    assert found.scale.low <= 0.05 <= found.scale.high
+    assert found.height.holds_none
+    centre = mass_centre(survey(series))
+    assert centre is not None
+    assert centre.seen_from_described(found.rig, place).place == pytest.approx([0.0, 0.0, 0.0], abs=5e-4)
+    assert estimate_rig(survey(series), SLAB).rig.has_marker
 
 
 def test_a_marker_beside_the_centre_circles_and_does_not_change_the_scale() -> None:
