@@ -49,6 +49,8 @@ UNITS_OF_LENGTH = {
 }
 """[m] Others are metres."""
 
+UNITS = {*UNITS_OF_TIME, *UNITS_OF_ANGLE, *UNITS_OF_LENGTH}
+
 IDENTIFIER = re.compile(r"\b[0-9A-Fa-f]{8,}(-[0-9A-Fa-f]{4,})*\b")
 """Of a body, as Motive writes: no words."""
 
@@ -132,7 +134,7 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
 
 def words_of(name: str) -> list[str]:
     """The parts of a name in lower case, `cubePosX` as `cube_pos_x`, without a unit in brackets."""
-    plain = IDENTIFIER.sub("", re.sub(r"[\[(][^\[\]()]*[\])]", "", name))
+    plain = IDENTIFIER.sub("", re.sub(r"[\[(][^\[\]()]*[\])]", "", _with_micro(name)))
     return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+", plain)]
 
 
@@ -211,6 +213,11 @@ def _doubt(words: set[str], near: set[str]) -> tuple[bool, int, int]:
 
 
 def _unit(name: str) -> str:
-    """The unit of a column: in the last brackets, else the name's last word."""
-    bracketed = re.findall(r"[\[(]\s*(\w+|°)\s*[\])]", name)
-    return bracketed[-1].lower() if bracketed else (words_of(name) or [""])[-1]
+    """The unit of a column: in the last brackets that hold one, else the name's last word."""
+    bracketed = [one.lower() for one in re.findall(r"[\[(]\s*(\w+|°)\s*[\])]", _with_micro(name))]
+    return next((one for one in reversed(bracketed) if one in UNITS), (words_of(name) or [""])[-1])
+
+
+def _with_micro(name: str) -> str:
+    """With u for the signs of micro."""
+    return name.replace("\u00b5", "u").replace("\u03bc", "u")

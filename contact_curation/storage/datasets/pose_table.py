@@ -93,7 +93,7 @@ class PoseTable:
         self._body, self._name, self._length_unit, self._names = body, "", "", list[str]()
         if path.exists() and not path.is_file():
             raise UnreadableInputError(path, "is no regular file, expected one: it is read several times")
-        self._columns = self._header()
+        self._columns = self._with_one_time(self._header())
         if rate is None and self._columns.time is None:
             raise InvalidValueError("rate", f"none, and no times in {path}", "poses in a second (--rate)")
         if rate is not None and self._columns.time not in (None, self._columns.date):
@@ -125,8 +125,7 @@ class PoseTable:
         time, beside, day = (None if at is None else values[at] for at in (*self._columns[:2], self._columns.date))
         time = time or ""
         if (number := _time(time)) is not None:
-            more = (_time(beside) if beside and number == int(number) else None) or 0
-            return int(more) if more >= NANOSECONDS else int(number * self._unit) + int(more)  # the former is whole by itself
+            return int(number * self._unit) + int((_time(beside) if beside else None) or 0)
         seconds = _date(time)
         if seconds is None and day is not None:
             time = f"{day} {time}"
@@ -215,6 +214,16 @@ class PoseTable:
         own = (self._body, f"{BODY_PREFIX}{self._body}")
         words = [words_of(name) for name in own]
         return [name for name in names if name in own] or [name for name in names if words_of(name) in words]
+
+    def _with_one_time(self, columns: PoseColumns) -> PoseColumns:
+        """Columns without nanoseconds beside seconds, where either are whole times by themselves."""
+        if columns.time is None or columns.nanoseconds is None:
+            return columns
+        rows = [values for _, values in islice(self._rows(), LOOKED_AT) if len(values) >= columns.fewest]
+        seconds, beside = ([_time(values[at]) or 0 for values in rows] for at in (columns.time, columns.nanoseconds))
+        if any(one >= NANOSECONDS for one in beside):
+            return columns._replace(time=columns.nanoseconds, nanoseconds=None, time_unit=1)
+        return columns._replace(nanoseconds=None) if any(one % 1 for one in seconds) else columns
 
     def _unit_by_steps(self) -> int:
         at = self._columns.time

@@ -132,9 +132,11 @@ def test_of_two_columns_that_may_be_the_times_it_says_which_is_taken(names: str,
     assert (done.status, line in done.err, bool(done.err)) == (0, said, said)
 
 
-def test_the_unit_of_a_length_is_that_in_the_last_brackets() -> None:
-    for unit, metres in (("mm", 1e-3), ("um", 1e-6), ("dm", 0.1), ("yards", 0.9144)):
-        assert columns_of(["t", *(f"{axis} (cube) [{unit}]" for axis in "xyz"), "qx", "qy", "qz", "qw"]).length == metres
+@pytest.mark.parametrize("name", ["{0} (cube) [{1}]", "{0} [{1}] (cube)", "{0}_{1} [cube]", "{0}_{1}"])
+def test_the_unit_of_a_length_is_in_brackets_before_or_behind_others(name: str) -> None:
+    for unit, metres in (("mm", 1e-3), ("um", 1e-6), ("\u00b5m", 1e-6), ("\u03bcm", 1e-6), ("dm", 0.1), ("yards", 0.9144)):
+        found = columns_of(["t", *(name.format(axis, unit) for axis in "xyz"), "qx", "qy", "qz", "qw"])
+        assert found.length == metres, unit
 
 
 def test_positions_of_different_units_are_refused() -> None:

@@ -97,9 +97,9 @@ def test_a_column_named_date_may_have_the_time_too_and_may_stand_beside_seconds(
     assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "b.csv")] == [5_000_000_000, 5_250_000_000]
 
 
-@pytest.mark.parametrize(("second", "nanosecond"), [("7", "250000000"), ("7.25", "7250000000"), ("7.25", "250000000")])
-def test_nanoseconds_beside_seconds_count_where_they_are_a_part_of_them(second: str, nanosecond: str, tmp_path: Path) -> None:
-    rows = [f"{one},0,0,1,0,0,0,1" for one in ("6,0", f"{second},{nanosecond}")]
+@pytest.mark.parametrize("rows", [["6,0", "7,250000000"], ["6,6000000000", "7.25,7250000000"], ["6,0", "7.25,250000000"]])
+def test_nanoseconds_beside_seconds_count_where_they_are_a_part_of_them(rows: list[str], tmp_path: Path) -> None:
+    rows = [f"{one},0,0,1,0,0,0,1" for one in rows]
     (tmp_path / "a.csv").write_text("\n".join(["seconds,nanoseconds,x,y,z,qx,qy,qz,qw", *rows]))
     assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv")] == [6_000_000_000, 7_250_000_000]
 
@@ -192,11 +192,19 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
     assert (done.status, done.json["poses"], done.json["seconds"]) == (0, 101, 2.0)
 
 
-def test_nanoseconds_beside_seconds_may_be_whole_times_themselves(tmp_path: Path) -> None:
-    stamps = [1_700_000_000_000_000_000 + 6_756_757 * frame for frame in range(20)]
-    rows = [f"{one // 10**9},{one},0,0,1,0,0,0,1" for one in stamps]
+@pytest.mark.parametrize("begin", [0, 1_700_000_000])
+@pytest.mark.parametrize("seconds", ["{0:.0f}", "{0:.2f}", "{1:.2f}"])
+def test_nanoseconds_beside_seconds_may_be_whole_times_themselves(seconds: str, begin: int, tmp_path: Path) -> None:
+    stamps = [begin * 10**9 + 6_756_757 * frame for frame in range(200)]
+    rows = [f"{seconds.format(one // 10**9, (one - stamps[0]) / 1e9)},{one},0,0,1,0,0,0,1" for one in stamps]
     (tmp_path / "a.csv").write_text("\n".join(["seconds,nanoseconds,x,y,z,qx,qy,qz,qw", *rows]))
     assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv")] == stamps
+
+
+def test_seconds_that_are_whole_times_count_alone(tmp_path: Path) -> None:
+    rows = [f"{0.5 * frame},{500_000_000 * (frame % 2)},0,0,1,0,0,0,1" for frame in range(20)]
+    (tmp_path / "a.csv").write_text("\n".join(["seconds,nanoseconds,x,y,z,qx,qy,qz,qw", *rows]))
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv")] == [500_000_000 * frame for frame in range(20)]
 
 
 @pytest.mark.parametrize("every", [1, 3])
