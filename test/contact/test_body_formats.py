@@ -497,14 +497,19 @@ LINKS = f"""<robot name="r"><link name="root"/><link name="a">{WEIGHT}<collision
 BODIES = """<mujoco><worldbody><body name="a"><freejoint/><geom type="box" size=".1 .1 .1"/>
   <frame><body name="b"><geom size=".1" contype="0" conaffinity="0"/><body name="d"><site/></body></body></frame>
   <body name="c"><joint/><geom size=".1" contype="0" conaffinity="0"/></body></body></worldbody></mujoco>"""
+AROUND = """<mujoco><worldbody><body name="b"><freejoint/><geom size=".1" contype="0" conaffinity="0"/>
+  <body name="a"><geom type="box" size=".1 .1 .1"/>
+  <body name="c"><frame><joint/></frame><geom size=".1" contype="0" conaffinity="0"/></body></body></body>
+  <body name="e"><geom size=".1" contype="0" conaffinity="0"/></body></worldbody></mujoco>"""
 
 
-@pytest.mark.parametrize(("name", "text"), [("links.urdf", LINKS), ("bodies.xml", BODIES)])
+@pytest.mark.parametrize(("name", "text"), [("links.urdf", LINKS), ("bodies.xml", BODIES), ("around.xml", AROUND)])
 def test_a_mass_fixed_to_the_body_is_not_counted_and_a_note_says_so(tmp_path: Path, name: str, text: str) -> None:
     (tmp_path / name).write_text(text)
     said = "b: fixed to a, but not counted: shape, mass and inertia are those of a alone"
     assert said in read_description(tmp_path / name, BodyOptions(mass=1.0, friction=0.2)).notes
-    (tmp_path / name).write_text(text.replace('"fixed"', '"floating"').replace('<body name="b">', '<body name="b"><joint/>'))
+    text = text.replace('"fixed"', '"floating"').replace('<body name="b"><geom', '<body name="b"><joint/><geom')
+    (tmp_path / name).write_text(text.replace('<body name="a"><geom', '<body name="a"><joint/><geom'))
     assert not any("fixed" in note for note in read_description(tmp_path / name, BodyOptions(mass=1.0, friction=0.2)).notes)
 
 

@@ -203,17 +203,33 @@ def _link(model: _Model, root: Element, name: str, body: Element, childclass: st
         solid=union([geom.mesh.solid for geom in colliding]),
         mass=mass,
         friction=max(said) if said else None,
-        notes=(*(note for geom in colliding for note in geom.mesh.notes), *not_counted(name, list(_fixed_to(model, body)))),
+        notes=(*(note for geom in colliding for note in geom.mesh.notes), *not_counted(name, _fixed_to(model, root, body))),
     )
 
 
-def _fixed_to(model: _Model, body: Element) -> Iterator[str]:
-    """The bodies with a mass inside a body that have no joint."""
-    for inner, _, _ in placed(body, "body", MAIN, model.pose):
-        if inner.find("joint") is None and inner.find("freejoint") is None:
-            if any(placed(inner, "geom", MAIN, model.pose)) or inner.find("inertial") is not None:
-                yield inner.get("name", "without a name")
-            yield from _fixed_to(model, inner)
+def _fixed_to(model: _Model, root: Element, body: Element) -> list[str]:
+    """The bodies with a mass that no joint lets move against a body: those in it, and that it is in."""
+    groups = [group for world in root.findall("worldbody") for group in list(_rigid(model, world, []))]
+    others = [one for one in next(group for group in groups if body in group) if one is not body]
+    heavy = [one for one in others if any(placed(one, "geom", MAIN, model.pose)) or one.find("inertial") is not None]
+    return [one.get("name", "without a name") for one in heavy]
+
+
+def _rigid(model: _Model, above: Element, together: list[Element]) -> Iterator[list[Element]]:
+    """Groups of bodies without a joint between them; each is whole when all are there.
+
+    Args:
+        model: that they are of.
+        above: the body, or the world, whose bodies are looked at.
+        together: the group of that body; empty for the world, whose bodies are each for itself.
+    """
+    for body, _, _ in placed(above, "body", MAIN, model.pose):
+        moves = not together or any(any(placed(body, tag, MAIN, model.pose)) for tag in ("joint", "freejoint"))
+        own = [] if moves else together
+        own.append(body)
+        if moves:
+            yield own
+        yield from _rigid(model, body, own)
 
 
 def _mass_of(model: _Model, geoms: Sequence[_Geom]) -> MassProperties | None:
