@@ -41,8 +41,8 @@ def is_parquet(path: Path) -> bool:
 def parquet_lines(path: Path) -> Iterator[str]:
     """A line with the names of columns, then one for each row; values that are missing are empty.
 
-    Fields of structs are columns of their own, `pose.position.x`, and times become whole nanoseconds, for an index without a
-    name in a column `time`. Columns of lists and of bytes are left out, and text in structs.
+    Fields of structs are columns of their own, `pose.position.x`, and times become whole nanoseconds, as their names say,
+    those of an index without a name in a column `time`. Columns of lists and of bytes are left out, and text in structs.
 
     Raises:
         UnreadableInputError: the file is damaged, or claims more rows or bytes than it can have.
@@ -90,7 +90,8 @@ def _is_number_or_text(column: pq.ColumnSchema, flat: bool) -> bool:
 
 
 def _name(field: pa.Field) -> str:
-    return "time" if field.name == UNNAMED_INDEX and pa.types.is_temporal(field.type) else str(field.name)
+    name = "time" if field.name == UNNAMED_INDEX and pa.types.is_temporal(field.type) else str(field.name)
+    return f"{name} [ns]" if pa.types.is_timestamp(field.type) or pa.types.is_duration(field.type) else name
 
 
 def _values(column: pa.ChunkedArray) -> list[object]:

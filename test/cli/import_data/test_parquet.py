@@ -28,6 +28,7 @@ TABLES = {
     "an index of times without a name": FLAT | {"__index_level_0__": pa.array(STAMPS_NS, pa.timestamp("ns"))},
     "times in a zone": {"stamp": pa.array(STAMPS_NS, pa.timestamp("ns", "Europe/Berlin"))} | FLAT,
     "durations": {"time": pa.array(STAMPS_NS, pa.duration("ns"))} | FLAT,
+    "durations of a column that was numbers": {"time_s": pa.array(STAMPS_NS, pa.duration("ns"))} | FLAT,
     "whole nanoseconds": {"t_ns": STAMPS_NS} | FLAT,
     "text": {"time": pa.array([str(stamp) for stamp in STAMPS_NS])} | FLAT,
     "columns with points": {"time": STAMPS_NS} | {f"{'q.' if name[0] == 'q' else 'p.'}{name[-1]}": FLAT[name] for name in FLAT},
