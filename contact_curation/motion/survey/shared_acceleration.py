@@ -31,6 +31,9 @@ MOST_COMPARED = 1500
 IMPACT = 2.0
 """Times `BENT`: a fall ends in windows that fit no parabola, which what a hand or an arm does seldom does."""
 
+NOISY = 1.3
+"""Times the noise: what it leaves of a window seldom is more."""
+
 TOGETHER = 0.6
 """Flights that follow one another within this time [s] are bounces of one throw."""
 
@@ -42,7 +45,7 @@ this may be of their acceleration, or rests look like falls."""
 def shared_acceleration(series: Sequence[PoseSeries], fits: Sequence[LocalFits], noise: float) -> Array | None:
     """(3,) the acceleration that most stretches of time have in common; None where hardly two windows are alike."""
     for before in (_before_impact, _before_the_end):
-        kept = [_fitting(fit, noise) & before(fit) for fit in fits]
+        kept = [_fitting(fit, noise) & before(fit, noise) for fit in fits]
         rows = [fit.accelerations[mask] for fit, mask in zip(fits, kept, strict=True)]
         stretches = [_stretches(*each) for each in zip(range(len(fits)), series, fits, kept, strict=True)]
         shared = _most_alike(np.concatenate(rows), np.concatenate(stretches)) if rows else None
@@ -107,17 +110,18 @@ def _most_alike(found: Array, stretches: NDArray[np.int64], least: float = 0.0) 
     return np.asarray(np.median(found[alike[best]], axis=0))
 
 
-def _before_impact(fit: LocalFits) -> NDArray[np.bool_]:
-    """(W,) windows behind which, within twice their length, one fits no parabola."""
+def _before_impact(fit: LocalFits, noise: float) -> NDArray[np.bool_]:
+    """(W,) windows behind which, within twice their length, one fits no parabola, and not for noise alone."""
     if not len(fit.first):
         return np.zeros(0, dtype=bool)
     ahead = 2 * fit.frames
     padded = np.concatenate([fit.residuals, np.zeros(ahead)])
     worst = np.lib.stride_tricks.sliding_window_view(padded, ahead + 1).max(axis=1)
-    return np.asarray(worst > IMPACT * BENT * np.linalg.norm(fit.accelerations, axis=1) * SPAN**2 / 8.0)
+    bent = IMPACT * BENT * np.linalg.norm(fit.accelerations, axis=1) * SPAN**2 / 8.0
+    return np.asarray(worst > np.maximum(bent, NOISY * noise))
 
 
-def _before_the_end(fit: LocalFits) -> NDArray[np.bool_]:
+def _before_the_end(fit: LocalFits, _: float) -> NDArray[np.bool_]:
     """(W,) windows that poses end behind, within twice their length: a recording may be cut in the air."""
     last = np.append(np.diff(fit.first) > 1, True)[: len(fit.first)]  # of a run
     ends = np.minimum.accumulate(np.where(last, fit.first, np.iinfo(np.int64).max)[::-1])[::-1]

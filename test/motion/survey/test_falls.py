@@ -47,6 +47,23 @@ def test_noise_does_not_choose_the_falls_that_it_bends_most(seed: int) -> None:
     assert np.linalg.norm(found.gravity) == pytest.approx(GRAVITY, rel=0.006)
 
 
+def waved(noise: float, rng: np.random.Generator) -> PoseSeries:
+    """A hand moves a body to and fro for 20 s, at up to 3 m/s^2 along each axis."""
+    times = np.arange(3000) / 148.0
+    places = 0.05 * np.sin(7.5 * times[:, np.newaxis] + rng.uniform(0.0, 6.0, 3)) + noise * rng.standard_normal((3000, 3))
+    return PoseSeries(np.rint(1e9 * times).astype(np.int64), places, np.tile([1.0, 0.0, 0.0, 0.0], (3000, 1)))
+
+
+@pytest.mark.parametrize("noise", [1.3e-4, 2.2e-4])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_what_a_hand_does_for_long_in_noise_is_no_fall(seed: int, noise: float) -> None:
+    rng = np.random.default_rng(seed)
+    found = survey([waved(noise, rng), *(released(148.0, noise, rng) for _ in range(6))])
+    assert len(found.throws) == 6
+    assert found.gravity is not None
+    assert np.linalg.norm(found.gravity) == pytest.approx(GRAVITY, rel=0.02)
+
+
 @pytest.mark.parametrize("seed", [2, 3])
 def test_bodies_at_rest_do_not_fall_in_noise(seed: int) -> None:
     rng = np.random.default_rng(seed)
