@@ -13,7 +13,7 @@ arm makes them, and gains in log-det are taken over the same known tosses:
 With --real theta is learned from real tosses of a body, and others of them are the throws: their releases are known but for the
 tracker's noise, and their true motion is not.
 
-    python -m benchmarks.design.forecast [--seeds 3] [--learned 10] [--throws 8] [--real cube]
+    python -m benchmarks.design.forecast [--seeds 3] [--learned 10] [--throws 8] [--real {cube,square}]
 
 CONTACTNETS_DATA names the folder of the tosses whose releases are the prior.
 """
@@ -188,7 +188,7 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--learned", type=int, default=10, help="exploration throws (default 10)")
     parser.add_argument("--throws", type=int, default=8, help="of each kind and seed (default 8)")
-    parser.add_argument("--real", default="", metavar="BODY", help="throws are real tosses of this body: cube or square")
+    parser.add_argument("--real", choices=("cube", "square"), help="throws are real tosses of this body")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     if arguments.real:
