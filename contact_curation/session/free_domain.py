@@ -43,8 +43,10 @@ def graph_domain(own: Mapping[str, str]) -> Iterator[int | str]:
         with free_domain() as domain:
             yield domain
         return
-    if given and not (given.isdecimal() and int(given) <= LARGEST_OF_DDS):
-        raise InvalidValueError(VARIABLE, given, f"a whole number from 0 to {LARGEST_OF_DDS}, or none set, for a free domain")
+    given = given.strip()
+    if given and not (given.isdecimal() and str(int(given)) == given and int(given) <= LARGEST_OF_DDS):  # 012 is octal to ROS
+        expected = f"a whole number from 0 to {LARGEST_OF_DDS} without a 0 in front, or none set, for a free domain"
+        raise InvalidValueError(VARIABLE, given, expected)
     claim = _bound(int(given or 0))
     if claim is None:
         running = f"{given or 0}, in which a session is running"
