@@ -15,7 +15,7 @@ from decimal import Decimal, InvalidOperation
 from functools import partial
 from itertools import islice, pairwise, takewhile
 from pathlib import Path
-from statistics import median, median_low
+from statistics import median
 from typing import NamedTuple
 
 from contact_curation.errors import InvalidValueError, UnreadableInputError, why_unreadable
@@ -204,9 +204,9 @@ class PoseTable:
         for at, name in enumerate(self._names):
             numbers = [_time(values[at]) for values in rows if at < len(values)] if _numbers_frames(set(words_of(name))) else []
             known = [number for number in numbers if number is not None]
-            steps = [later - earlier for earlier, later in pairwise(known) if later > earlier]
-            if steps and known == numbers:
-                return _Frames(at, median_low(steps))
+            steps = [int(later - earlier) for earlier, later in pairwise(known) if later > earlier]
+            if any(steps) and known == numbers:
+                return _Frames(at, math.gcd(*steps))
         return None
 
     def _called(self, names: Sequence[str]) -> list[str]:
@@ -294,10 +294,10 @@ class _NoPose(Exception):
 
 
 class _Frames(NamedTuple):
-    """The column with numbers of frames, and how many of them a pose takes where none is missing."""
+    """The column with numbers of frames, and how many of them a pose takes: all steps are multiples of that."""
 
     column: int
-    step: Decimal
+    step: int
 
     def poses_at(self, values: Sequence[str]) -> float:
         """How many poses after frame 0 a row is."""

@@ -216,6 +216,12 @@ def test_numbers_of_frames_are_times_at_a_rate_so_that_missing_rows_are_a_gap(na
     assert stamps == [20_000_000 * frame // every for frame in frames]
 
 
+def test_frames_of_a_tracker_that_is_slower_than_its_camera_are_at_the_cameras_rate(tmp_path: Path) -> None:
+    frames = [frame for frame in range(100) if frame % 5 not in (1, 3)]
+    (tmp_path / "a.csv").write_text("\n".join(["frame,x,y,z,qx,qy,qz,qw", *(f"{one},0,0,1,0,0,0,1" for one in frames)]))
+    assert [stamp_ns for stamp_ns, _ in PoseTable(tmp_path / "a.csv", rate=100.0)] == [10_000_000 * one for one in frames]
+
+
 @pytest.mark.parametrize("name", ["frame", "note"])
 def test_rows_of_other_bodies_take_no_time_at_a_rate(name: str, tmp_path: Path) -> None:
     rows = [f"{row // 2},{'ball' if row % 2 else 'cube'},0,0,1,0,0,0,1" for row in range(20)]
