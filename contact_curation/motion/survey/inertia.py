@@ -93,7 +93,7 @@ def inertia_shape(survey: Survey) -> InertiaShape | None:
         normal = sum((part.T @ part for part in used), np.zeros((6, 6)))
         reduced = free.T @ normal @ free
         sizes = np.linalg.eigvalsh(reduced)
-        if sizes[0] < SEEN * sizes[-1]:
+        if sizes[0] <= SEEN * sizes[-1]:  # both are zero where nothing turns
             return None
         inverse = np.linalg.inv(reduced)
         values = even - free @ (inverse @ (free.T @ (normal @ even)))

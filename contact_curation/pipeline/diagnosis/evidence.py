@@ -31,8 +31,8 @@ SYMBOLS = {"metres": "m", "feet": "ft", "inches": "in", "centimetres": "cm", "mi
 UNITS = {"metres": 1.0, "feet": 3.28084, "inches": 39.3701, "centimetres": 100.0, "millimetres": 1000.0}
 """By name: so many of them are a metre."""
 
-NEAREST_UNIT = 1.5
-"""Times gravity in a unit, either way: outside, an acceleration is gravity in none."""
+NEAREST_UNIT, NEAREST_OTHER = 1.5, 1.15
+"""Times gravity in metres, or in another unit, either way: outside, an acceleration is gravity in none."""
 
 CERTAIN_UNIT = 1.05
 """Likewise: within it a fall along an axis is one in that unit, however much poses scatter if they were in metres."""
@@ -179,7 +179,8 @@ class Evidence:
         size = float(np.linalg.norm(self.gravity))
         ratios = {name: size / (self.body.gravity * unit) for name, unit in UNITS.items()}
         unit = min(ratios, key=lambda name: abs(np.log(ratios[name])))
-        if not 1.0 / NEAREST_UNIT < ratios[unit] < NEAREST_UNIT:
+        nearest = NEAREST_UNIT if unit == "metres" else NEAREST_OTHER
+        if not 1.0 / nearest < ratios[unit] < nearest:
             return None
         angles = {name: _degrees(self.gravity, np.array(axis, float)) for name, axis in AXES.items()}
         axis = min(angles, key=lambda name: angles[name])

@@ -66,6 +66,12 @@ def test_a_few_flights_tell_nothing() -> None:
     assert inertia_shape(survey(noisy(thrown("slab")[:6], 1.0))) is None
 
 
+def test_flights_that_do_not_turn_at_all_tell_nothing() -> None:
+    seen = survey(noisy(thrown("slab"), 1.0))
+    still = [PoseSeries(one.stamps_ns, one.positions, np.tile([1.0, 0.0, 0.0, 0.0], (len(one), 1))) for one in seen.series]
+    assert inertia_shape(replace(seen, series=tuple(still))) is None
+
+
 def test_of_few_flights_in_noise_the_right_moments_are_seldom_taken_for_others() -> None:
     rng, times = np.random.default_rng(0), np.arange(20) / 148.0
     alarms = 0

@@ -70,6 +70,24 @@ def test_inches_of_throws_at_one_place_are_not_taken_for_noise(session: Session,
     assert "per s^2: inches? expected metres" in diagnosed(tmp_path / "a.mcap", BY_NAME["sound"]).verdict
 
 
+@pytest.mark.parametrize(("times", "said"), [(2.0, "about 2 times too long"), (0.5, "about 2 times too short")])
+def test_times_by_a_wrong_rate_are_neither_another_unit_nor_a_body_that_was_carried(
+    session: Session, tmp_path: Path, times: float, said: str
+) -> None:
+    stamps = session.stamps_ns[0] + ((session.stamps_ns - session.stamps_ns[0]) * times).astype(np.int64)
+    write(tmp_path / "a.mcap", replace(session, stamps_ns=stamps, logged_ns=stamps))
+    found = diagnosed(tmp_path / "a.mcap", BY_NAME["sound"])
+    assert f"times are {said}" in found.verdict
+    assert not any("feet" in line or "never let go" in line for line in found.reasons)
+
+
+def test_a_tracker_that_sees_positions_alone_is_named(session: Session, tmp_path: Path) -> None:
+    poses = session.poses.copy()
+    poses[:, 3:] = [1.0, 0.0, 0.0, 0.0]
+    write(tmp_path / "a.mcap", replace(session, poses=poses))
+    assert diagnosed(tmp_path / "a.mcap", BY_NAME["sound"]).verdict.startswith("orientations never change in ")
+
+
 @pytest.mark.parametrize("name", ["10 mm low", "tilted 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
 def test_its_settings_mend_what_they_can(cli: Cli, session: Session, tmp_path: Path, name: str) -> None:
     bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME[name], simulated_session() if name.startswith("marker") else session)

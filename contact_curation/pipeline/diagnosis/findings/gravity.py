@@ -18,6 +18,10 @@ PUSHED, STRUCK = 1.2, 12.0
 SUDDEN = 0.4
 """Share of the largest speed that an impact changes within a frame: so slow ones do not reach `STRUCK`."""
 
+FEWEST_ALIKE, ALIKE = 4, 0.1
+"""Throws that come to rest, at least, and the share by which the accelerations of half of all differ at most, for falls with
+gravity in no unit."""
+
 
 def nothing_moves(evidence: Evidence) -> Finding | None:
     """An object that lies there."""
@@ -53,15 +57,30 @@ def other_axis(evidence: Evidence) -> Finding | None:
     return Finding(Severity.FAULT, what, remedy)
 
 
+def other_clock(evidence: Evidence) -> Finding | None:
+    """Bodies that fall alike and are stopped by impacts, but with gravity in no unit: times by a wrong rate."""
+    if evidence.fall is not None or evidence.gravity is None or evidence.is_too_noisy:
+        return None
+    throws, size = evidence.survey.throws, float(np.linalg.norm(evidence.gravity))
+    off = [float(np.linalg.norm(one.acceleration - evidence.gravity)) for one in throws if one.rest is not None]
+    alike = sum(one < ALIKE * size for one in off)
+    if alike < max(FEWEST_ALIKE, 0.5 * len(throws)) or _hardest_of(evidence) < _struck(evidence, size):
+        return None
+    times = np.sqrt(size / evidence.body.gravity)
+    how = f"about {times:.2g} times too short" if times > 1.0 else f"about {1.0 / times:.2g} times too long"
+    what = f"bodies fall at {size:.3g} per s^2, which is gravity in no unit, expected {evidence.body.gravity:g} m/s^2"
+    return Finding(Severity.FAULT, f"{what}: in metres, times are {how}", "give the true times, or the tracker's true rate")
+
+
 def no_fall(evidence: Evidence) -> Finding | None:
     """Bodies that move, and never fall freely."""
     if not evidence.poses or evidence.fall is not None or nothing_moves(evidence) is not None or evidence.is_too_noisy:
         return None
-    gravity = evidence.body.gravity
-    hardest = max((_hardest(one) for one in evidence.survey.series), default=0.0)
+    if other_clock(evidence) is not None:
+        return None
+    gravity, hardest = evidence.body.gravity, _hardest_of(evidence)
     speed = f"largest speed {evidence.survey.largest_speed:.2g} m/s"
-    struck = min(STRUCK * gravity, SUDDEN * evidence.survey.largest_speed / evidence.period)
-    if evidence.survey.largest_speed > SLOWEST_THROW and PUSHED * gravity < hardest < struck:
+    if evidence.survey.largest_speed > SLOWEST_THROW and PUSHED * gravity < hardest < _struck(evidence, gravity):
         what = f"nothing falls freely, and impacts are as soft as {hardest / gravity:.1f} g ({speed}): poses look smoothed"
         return Finding(Severity.FAULT, what, "record raw poses, without a filter, and give header.stamp the time of exposure")
     if not evidence.mostly_rejected:
@@ -75,6 +94,16 @@ def _farthest(evidence: Evidence) -> float:
     """How far most poses of a series are apart, at most, in the unit that they came in."""
     spans = [np.ptp(np.percentile(one.positions, [2, 98], axis=0), axis=0).max() for one in evidence.survey.series if len(one)]
     return float(max(spans, default=0.0))
+
+
+def _struck(evidence: Evidence, gravity: float) -> float:
+    """What impacts of poses that are not smoothed lie above, in units of the poses per s^2."""
+    return min(STRUCK * gravity, SUDDEN * evidence.survey.largest_speed / evidence.period)
+
+
+def _hardest_of(evidence: Evidence) -> float:
+    """The largest of all series."""
+    return max((_hardest(one) for one in evidence.survey.series), default=0.0)
 
 
 def _hardest(series: PoseSeries) -> float:

@@ -24,6 +24,9 @@ RANK = 75
 
 FEWEST_RESTS = 3
 
+CONSTANT = 1e-9
+"""Of a quaternion: a tracker that sees turns does not repeat them so exactly."""
+
 OTHERS = {
     "wxyz where xyzw is expected": lambda q: q[:, [1, 2, 3, 0]],
     "xyzw read backwards": lambda q: q[:, [3, 0, 1, 2]],
@@ -43,6 +46,15 @@ def order(evidence: Evidence) -> Finding | None:
     what = f"bodies at rest stand {found['as read']:.0f} degrees off their faces, and flat with another order: {best}?"
     remedy = "publish geometry_msgs/Quaternion as x, y, z, w of the turn from body to parent"
     return Finding(Severity.FAULT, what, remedy)
+
+
+def constant(evidence: Evidence) -> Finding | None:
+    """Positions of bodies that fall, with one orientation for all: of a tracker that sees no turns."""
+    series = [one for _, one in evidence.series if len(one)]
+    if not evidence.survey.throws or any(np.ptp(one.orientations_wxyz, axis=0).max() > CONSTANT for one in series):
+        return None
+    what = f"orientations never change in {evidence.poses} poses of bodies that fall: does the tracker see positions alone?"
+    return Finding(Severity.FAULT, what, "record poses: contacts cannot be seen without the orientation")
 
 
 def beside_positions(evidence: Evidence) -> Finding | None:
