@@ -18,7 +18,7 @@ from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
 from contact_curation.motion.survey.rests import on_board
 from contact_curation.motion.survey.rig import FEWEST_THROWS, RigEstimate, estimate_rig
 from contact_curation.motion.survey.rigidity import Departure, departure
-from contact_curation.motion.survey.series import PoseSeries
+from contact_curation.motion.survey.series import SPAN, PoseSeries
 from contact_curation.motion.survey.size import size_ratio
 from contact_curation.motion.survey.sliding import Sliding
 from contact_curation.motion.survey.tracked import TrackedFrame, tracked_frame
@@ -35,7 +35,10 @@ NEAREST_UNIT, NEAREST_OTHER = 1.5, 1.15
 """Times gravity in metres, or in another unit, either way: outside, an acceleration is gravity in none."""
 
 CERTAIN_UNIT = 1.05
-"""Likewise: within it a fall along an axis is one in that unit, however much poses scatter if they were in metres."""
+"""Likewise: within it a lasting fall along an axis is one in that unit, however much poses scatter if they were in metres."""
+
+LASTING = 1.3
+"""Windows: a parabola goes on for longer in half of the falls, and what noise makes look like one ends with its window."""
 
 WORTH_MOVE = 0.03
 """Of a body's size: what its centre of mass may be away from where it is described."""
@@ -185,7 +188,8 @@ class Evidence:
         angles = {name: _degrees(self.gravity, np.array(axis, float)) for name, axis in AXES.items()}
         axis = min(angles, key=lambda name: angles[name])
         found = Fall(size, unit, axis if angles[axis] < STEEPEST else "", angles["-z"])
-        certain = found.sound or (found.axis and 1.0 / CERTAIN_UNIT < ratios[unit] < CERTAIN_UNIT)
+        lasting = float(np.median([throw.frames for throw in self.survey.throws] or [0])) * self.period > LASTING * SPAN
+        certain = found.sound or (found.axis and lasting and 1.0 / CERTAIN_UNIT < ratios[unit] < CERTAIN_UNIT)
         return None if self.is_too_noisy and not certain else found
 
     @cached_property

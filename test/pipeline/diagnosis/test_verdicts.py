@@ -11,6 +11,7 @@ import pytest
 
 from benchmarks.data.check_faults import FAULTS, Fault, Session, diagnosed, in_map, simulated_session, spoilt_bag, write
 from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.motion.survey.series import SPAN
 from contact_curation.motion.toss import NANOSECONDS, Toss
 from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
@@ -68,6 +69,19 @@ def test_inches_of_throws_at_one_place_are_not_taken_for_noise(session: Session,
     noise = 8e-4 * np.random.default_rng(1).standard_normal((len(session.poses), 3))
     write(tmp_path / "a.mcap", session.moved(lambda positions: 39.3701 * positions * [0.2, 0.2, 1.0] + noise))
     assert "per s^2: inches? expected metres" in diagnosed(tmp_path / "a.mcap", BY_NAME["sound"]).verdict
+
+
+def test_windows_that_noise_bends_as_gravity_in_feet_would_are_no_falls(session: Session, tmp_path: Path) -> None:
+    write(tmp_path / "a.mcap", session)
+    config = ReadingConfig(CONTACTNETS_CUBE)
+    seen = Evidence(config, (read_recording(tmp_path / "a.mcap", config, 20_000),))
+    frames = int(SPAN / seen.period)
+    short = tuple(replace(one, span=one.span._replace(stop=one.span.first + frames)) for one in seen.survey.throws)
+    noise = replace(seen.survey, noise=1e-3, gravity=np.array([0.0, 0.0, 31.1]))
+    for throws, unit in ((seen.survey.throws, "feet"), (short, "")):
+        told = Evidence(config, seen.recordings)
+        told.__dict__.update(survey=replace(noise, throws=throws), mass_centre=None)
+        assert (told.fall.unit if told.fall is not None else "") == unit
 
 
 @pytest.mark.parametrize(("times", "said"), [(2.0, "about 2 times too long"), (0.5, "about 2 times too short")])
