@@ -46,7 +46,9 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("tag_map", default_value="", description="tags of body and board, for a rendering camera"),
         DeclareLaunchArgument("dashboard", default_value="false", description="serve the dashboard to a browser"),
         DeclareLaunchArgument("record", default_value="false", description="record all topics into session.mcap"),
-        DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
+        DeclareLaunchArgument(
+            "params_file", default_value=default_file, description="parameters of the nodes that no argument sets"
+        ),
         DeclareLaunchArgument("namespace", default_value="", description="namespace that holds all nodes and topics"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="time from the topic clock of the namespace"),
         DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn or error"),

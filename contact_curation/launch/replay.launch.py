@@ -35,7 +35,9 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "train", default_value="false", description="train on the selected tosses, and rank with the trained parameters"
         ),
-        DeclareLaunchArgument("params_file", default_value=default_file, description="parameters of the nodes"),
+        DeclareLaunchArgument(
+            "params_file", default_value=default_file, description="parameters of the nodes that no argument sets"
+        ),
         DeclareLaunchArgument("namespace", default_value="", description="namespace that holds all nodes and topics"),
         DeclareLaunchArgument("use_sim_time", default_value="false", description="time from the topic clock of the namespace"),
         DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn or error"),
@@ -67,12 +69,13 @@ def generate_launch_description() -> LaunchDescription:
         **_everywhere(),
         condition=IfCondition(NotEqualsSubstitution(LaunchConfiguration("bag"), "")),
         parameters=[
+            LaunchConfiguration("params_file"),
             {
                 "bag": bag,
                 "rate": ParameterValue(LaunchConfiguration("rate"), value_type=float),
                 "wait_for": 10.0,
                 "stay": True,
-            }
+            },
         ],
     )
     return LaunchDescription([*arguments, *stages, player])

@@ -94,6 +94,7 @@ def test_a_launch_file_starts_nodes_that_there_are_with_parameters_that_they_hav
     for node in nodes:
         assert node["package"] == "contact_curation"
         assert node["name"] == node["executable"]
+        assert used_arguments(node["parameters"][0]) == {"params_file"}, node["executable"]  # before what arguments set
         own = {name: value for part in node["parameters"] if isinstance(part, dict) for name, value in part.items()}
         assert set(own) <= {*declared[node["executable"]], *OF_RCLPY}, node["executable"]
     assert used_arguments(actions) == arguments
