@@ -11,6 +11,7 @@ from std_srvs.srv import SetBool
 from contact_curation.errors import MissingDependencyError
 from contact_curation.nodes.messages.trajectory import trajectory_message
 from contact_curation.nodes.ros.node_main import StageNode
+from contact_curation.nodes.ros.own_namespace import action_name
 from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.qos import profile
 from contact_curation.stages.trajectory_throw import Sent, TrajectoryThrow
@@ -38,11 +39,11 @@ class ControllerClient:
 
     def __init__(self, node: StageNode, name: str, joints: tuple[str, ...], began_ns: int, stage: TrajectoryThrow) -> None:
         self._node, self._joints, self._began_ns, self._stage = node, joints, began_ns, stage
-        self._name, self._number = node.resolve_topic_name(name), 0
+        self._name, self._number = action_name(node, name), 0
         self._taken: Any = None
         self._queued: Sent | None = None
         self._type = control("action").FollowJointTrajectory
-        self._client = ActionClient(node, self._type, name)
+        self._client = ActionClient(node, self._type, self._name)
 
     def missing(self) -> str:
         """In one line that there is no such controller; empty if there is."""
@@ -140,9 +141,9 @@ class GripperClient:
     """
 
     def __init__(self, node: StageNode, gripper: Gripper, stage: TrajectoryThrow) -> None:
-        self._gripper, self._stage, self._name = gripper, stage, node.resolve_topic_name(gripper.name)
+        self._gripper, self._stage, self._name = gripper, stage, action_name(node, gripper.name)
         if gripper.kind == "action":
-            self._client: Any = ActionClient(node, control("action").GripperCommand, gripper.name)
+            self._client: Any = ActionClient(node, control("action").GripperCommand, self._name)
         elif gripper.kind == "service":
             self._client = node.create_client(SetBool, gripper.name)
         else:

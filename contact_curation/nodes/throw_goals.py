@@ -13,6 +13,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.nodes.ros.own_namespace import action_name
 
 LONGEST_REASON = 400
 """Characters of a thrower's message that are passed on."""
@@ -38,8 +39,9 @@ class ThrowGoals:
     """
 
     def __init__(self, node: Node, told: Callable[[Outcome], None], patience: float) -> None:
-        self._client = ActionClient(node, ExecuteThrow, "execute_throw")
-        self._servers = partial(node.count_services, node.resolve_service_name("execute_throw/_action/send_goal"))
+        self._name = action_name(node, "execute_throw")
+        self._client = ActionClient(node, ExecuteThrow, self._name)
+        self._servers = partial(node.count_services, node.resolve_service_name(f"{self._name}/_action/send_goal"))
         self._told = told
         self._patience = patience
         self._clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -52,9 +54,9 @@ class ThrowGoals:
     def missing(self) -> str:
         """What the next goal has to wait for; empty for nothing. A goal goes to all servers of its action at once."""
         if not self._client.server_is_ready():
-            return "a thrower (action execute_throw)"
+            return f"a thrower (action {self._name})"
         servers = self._servers()
-        return "" if servers <= 1 else f"a single thrower: found {servers} servers of execute_throw, which would all throw"
+        return "" if servers <= 1 else f"a single thrower: found {servers} servers of {self._name}, which would all throw"
 
     @property
     def busy(self) -> bool:

@@ -16,6 +16,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.ros.managed_node import ManagedNode
+from contact_curation.nodes.ros.own_namespace import action_name
 from contact_curation.nodes.ros.parameters import declare
 from contact_curation.nodes.ros.throttled_warnings import ThrottledWarnings
 from contact_curation.simulation.arm.frame import ArmFrame, Phase
@@ -113,7 +114,7 @@ class ThrowServer:
         self._server = ActionServer(
             node,
             ExecuteThrow,
-            "execute_throw",
+            action_name(node, "execute_throw"),
             execute_callback=self._conclude,
             handle_accepted_callback=self._goal_came,
             cancel_callback=self._cancelled,

@@ -240,7 +240,7 @@ def test_beside_a_second_thrower_no_throw_is_commanded(graph: Graph) -> None:
     graph.until(lambda: heard, LONG, "the designer")
     settled(1.0)  # it has discovered both, which it may not do at once
     turn_auto(graph, on=True)
-    why = "0 throws made, waiting for a single thrower: found 2 servers of execute_throw, which would all throw"
+    why = "0 throws made, waiting for a single thrower: found 2 servers of /execute_throw, which would all throw"
     graph.until(lambda: any(one.message == why for array in list(heard) for one in array.status), LONG, "a warning")
     settled(1.0)
     assert not thrower.commands
@@ -248,6 +248,16 @@ def test_beside_a_second_thrower_no_throw_is_commanded(graph: Graph) -> None:
     second.close()
     server.destroy()
     graph.until(lambda: len(made(graph.folder)) == 1, LONG, "a throw")
+
+
+def test_the_action_is_remapped_on_both_sides(graph: Graph) -> None:
+    renamed = {"execute_throw": "/robot/throw"}
+    reports = graph.listener.listen(ThrowReport, "/throw_report")
+    graph.start("sim_arm", renamed, state=graph.folder / "arm.json", rate=0.0, armed=True)
+    store = graph.folder / "throws.sqlite"
+    graph.start("throw_designer", renamed, **SMALL, store=store, auto=True)
+    graph.until(lambda: any(one.state == ThrowReport.EXECUTED for one in reports), LONG, "a throw")
+    assert graph.listener.node.count_services("/robot/throw/_action/send_goal") == 1
 
 
 def test_a_throw_whose_toss_does_not_come_is_told_and_followed_by_the_next(graph: Graph) -> None:

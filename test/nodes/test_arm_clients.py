@@ -37,7 +37,7 @@ class Cell:
     """A node that serves, one that asks, and what both heard."""
 
     def __init__(self, domain: int) -> None:
-        rclpy.init(domain_id=domain)
+        rclpy.init(args=["--ros-args", "-r", "grip:=/robot/open"], domain_id=domain)
         self.server, self.node = Node("arm"), StageNode("thrower")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.server)
@@ -75,7 +75,7 @@ def cell(monkeypatch: pytest.MonkeyPatch) -> Iterator[Cell]:
         made.close()
 
 
-def serve(cell: Cell, kind: str, heard: list[Any], answer: bool) -> None:
+def serve(cell: Cell, kind: str, heard: list[Any], answer: bool, name: str = "open") -> None:
     def served(request: Any, response: Any) -> Any:
         heard.append(request.data)
         response.success, response.message = answer, "no air"
@@ -90,11 +90,12 @@ def serve(cell: Cell, kind: str, heard: list[Any], answer: bool) -> None:
         return GripperCommand.Result()
 
     if kind == "service":
-        cell.server.create_service(SetBool, "open", served)
+        cell.server.create_service(SetBool, name, served)
     elif kind == "action":
-        cell.opened = ActionServer(cell.server, GripperCommand, "open", reached, goal_callback=asked)  # type: ignore[attr-defined]
+        server = ActionServer(cell.server, GripperCommand, name, reached, goal_callback=asked)
+        cell.opened = server  # type: ignore[attr-defined]
     else:
-        cell.server.create_subscription(Bool, "open", lambda message: heard.append(message.data), 1)
+        cell.server.create_subscription(Bool, name, lambda message: heard.append(message.data), 1)
 
 
 @pytest.mark.parametrize(("kind", "opens"), [("service", False), ("action", 0.07), ("topic", False)])
@@ -111,6 +112,14 @@ def test_a_gripper_that_is_not_there_is_told_and_one_that_is_gets_the_value_that
     cell.until(lambda: heard)
     assert heard == [opens]
     assert not cell.failed
+
+
+@pytest.mark.parametrize("kind", ["service", "action", "topic"])
+def test_a_gripper_under_another_name_is_remapped(cell: Cell, kind: str) -> None:
+    gripper = GripperClient(cell.node, Gripper(kind, "grip", False, 0.07, 20.0), cell.stage)
+    assert "/robot/open, expected its driver there" in gripper.missing()
+    serve(cell, kind, [], True, "/robot/open")
+    cell.until(lambda: not gripper.missing())
 
 
 @pytest.mark.parametrize(("kind", "line"), [("service", "no air"), ("action", "it rejected the goal to open")])

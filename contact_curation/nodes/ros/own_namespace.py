@@ -24,3 +24,8 @@ def is_own(node: Node, name: str, named: Container[str] = ()) -> bool:
 def own_name(node: Node, name: str) -> str:
     """Moves a recorded absolute name into a node's namespace."""
     return f"{node.get_namespace().rstrip('/')}{name}"
+
+
+def action_name(node: Node, name: str) -> str:
+    """The full name of an action, with the node's remaps: rclpy remaps topics and services, but no actions (Jazzy)."""
+    return str(node.resolve_service_name(name))
