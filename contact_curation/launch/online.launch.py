@@ -9,8 +9,10 @@ throws are designed on request alone. Nodes that die are started again. `contact
 launch, and ends with a summary and a report.
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -33,7 +35,9 @@ def generate_launch_description() -> LaunchDescription:
     """The nodes, their parameter file, and where they keep what they know."""
     default_file = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "nodes.yaml"])
     arguments = [
-        DeclareLaunchArgument("folder", default_value=".", description="folder that stores and recordings are kept in"),
+        DeclareLaunchArgument(
+            "folder", default_value=".", description="folder that stores and recordings are kept in, made if need be"
+        ),
         DeclareLaunchArgument("throws", default_value="0", description="no more throws than these; 0: no end"),
         DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds per second; 0: as fast as possible"),
         DeclareLaunchArgument("arm", default_value="true", description="the simulated arm throws"),
@@ -65,7 +69,7 @@ def generate_launch_description() -> LaunchDescription:
         },
     }
     stages = [_node(name, {"store": _in_folder(store), **own.get(name, {})}) for name, store in STORES.items()]
-    return LaunchDescription([*arguments, *stages, *_world(), *_listeners()])
+    return LaunchDescription([*arguments, OpaqueFunction(function=_make_folder), *stages, *_world(), *_listeners()])
 
 
 def _world() -> list[Node]:
@@ -111,3 +115,7 @@ def _node(name: str, parameters: dict[str, object], condition: IfCondition | Non
 
 def _in_folder(name: str) -> ParameterValue:
     return ParameterValue(PathJoinSubstitution([LaunchConfiguration("folder"), name]), value_type=str)
+
+
+def _make_folder(context: LaunchContext) -> None:
+    Path(LaunchConfiguration("folder").perform(context)).mkdir(parents=True, exist_ok=True)

@@ -7,8 +7,10 @@ With your own tracker instead of a recording, leave `bag` empty. Without the tra
 `contact-curation rank` gives.
 """
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, NotEqualsSubstitution, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -31,7 +33,7 @@ def generate_launch_description() -> LaunchDescription:
     arguments = [
         DeclareLaunchArgument("bag", default_value="", description="recording to play; empty: poses come live"),
         DeclareLaunchArgument("rate", default_value="1.0", description="recorded seconds a second"),
-        DeclareLaunchArgument("folder", default_value=".", description="folder that the stores are kept in"),
+        DeclareLaunchArgument("folder", default_value=".", description="folder that the stores are kept in, made if need be"),
         DeclareLaunchArgument(
             "train", default_value="false", description="train on the selected tosses, and rank with the trained parameters"
         ),
@@ -78,7 +80,7 @@ def generate_launch_description() -> LaunchDescription:
             },
         ],
     )
-    return LaunchDescription([*arguments, *stages, player])
+    return LaunchDescription([*arguments, OpaqueFunction(function=_make_folder), *stages, player])
 
 
 def _everywhere() -> dict[str, object]:
@@ -89,3 +91,7 @@ def _everywhere() -> dict[str, object]:
         "remappings": [("/clock", "clock")],
         "arguments": ["--ros-args", "--log-level", LaunchConfiguration("log_level")],
     }
+
+
+def _make_folder(context: LaunchContext) -> None:
+    Path(LaunchConfiguration("folder").perform(context)).mkdir(parents=True, exist_ok=True)

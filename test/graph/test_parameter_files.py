@@ -66,8 +66,8 @@ class Recorded:
 def described(path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
     """The actions of a launch file; `launch` itself is not on the package index, so that stand-ins take its place."""
     tree = {
-        "launch": ["LaunchDescription"],
-        "launch.actions": ["DeclareLaunchArgument"],
+        "launch": ["LaunchContext", "LaunchDescription"],
+        "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction"],
         "launch.conditions": ["IfCondition"],
         "launch.substitutions": ["LaunchConfiguration", "NotEqualsSubstitution", "PathJoinSubstitution"],
         "launch_ros": [],
@@ -98,6 +98,19 @@ def test_a_launch_file_starts_nodes_that_there_are_with_parameters_that_they_hav
         own = {name: value for part in node["parameters"] if isinstance(part, dict) for name, value in part.items()}
         assert set(own) <= {*declared[node["executable"]], *OF_RCLPY}, node["executable"]
     assert used_arguments(actions) == arguments
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_a_launch_file_makes_its_folder_before_it_starts_nodes(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    actions = described(path, monkeypatch)
+    kinds = [type(one).__name__ for one in actions]
+    monkeypatch.setattr(Recorded, "perform", lambda value, context: context[value.parts[0]], raising=False)
+    for _ in range(2):
+        actions[kinds.index("OpaqueFunction")].named["function"]({"folder": str(tmp_path / "a" / "b")})
+    assert (tmp_path / "a" / "b").is_dir()
+    assert kinds.index("OpaqueFunction") < kinds.index("Node")
 
 
 def used_arguments(value: Any) -> set[str]:

@@ -75,6 +75,8 @@ class SqliteStore:
         journal = Path(f"{self.path}-journal")
         if journal.is_file() and _last_bytes(journal, len(JOURNAL_MARK)) == JOURNAL_MARK:
             raise UnreadableInputError(journal, f"names another file, which {schema.what} never does: do not use the two")
+        if not self.path.absolute().parent.is_dir():  # SQLite says that it is unable to open a file
+            raise UnreadableInputError(self.path, f"found no folder {self.path.parent}, expected one: make it first")
         with self._clear_errors():
             self._connection = sqlite3.connect(
                 self.path, timeout=WAIT_FOR_WRITERS, isolation_level=None, check_same_thread=False

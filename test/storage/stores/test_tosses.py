@@ -251,5 +251,5 @@ def test_a_store_of_a_newer_version_is_refused(path: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_is_a_clear_error(tmp_path: Path) -> None:
-    with pytest.raises(UnreadableInputError, match="unable to open"):
+    with pytest.raises(UnreadableInputError, match="nowhere, expected one: make it first"):
         TossStore(tmp_path / "nowhere" / "tosses.sqlite")
