@@ -2,7 +2,7 @@
 
     ros2 launch contact_curation online.launch.py folder:=results
     ros2 launch contact_curation online.launch.py throws:=12 rate:=0.0 dashboard:=true record:=true
-    ros2 launch contact_curation online.launch.py camera:=rendered topic:=auto tag_map:=cube_tags.yaml
+    ros2 launch contact_curation online.launch.py camera:=rendered tag_map:=cube_tags.yaml
 
 With an arm or a tracker of your own, leave out what stands for it: arm:=false thrower:=none, or camera:=none. With auto:=false
 throws are designed on request alone. Nodes that die are started again. `contact-curation online` does the same without ROS's
@@ -45,7 +45,7 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument("auto", default_value="true", description="throw after throw, without being asked"),
         DeclareLaunchArgument("camera", default_value="poses", description="the simulated camera: poses, rendered, or none"),
         DeclareLaunchArgument(
-            "topic", default_value="tagslam/odom/body_cube", description="the body's poses; auto with a rendering camera"
+            "topic", default_value="auto", description="the body's poses; auto: found by the name of the body"
         ),
         DeclareLaunchArgument("tag_map", default_value="", description="tags of body and board, for a rendering camera"),
         DeclareLaunchArgument("dashboard", default_value="false", description="serve the dashboard to a browser"),
@@ -59,7 +59,7 @@ def generate_launch_description() -> LaunchDescription:
     ]
     own = {
         "pose_ingest": {
-            "topic": ParameterValue(LaunchConfiguration("topic"), value_type=str),  # or the ground truth, where that is first
+            "topic": ParameterValue(LaunchConfiguration("topic"), value_type=str),
             "tag_map": ParameterValue(LaunchConfiguration("tag_map"), value_type=str),
         },
         "throw_designer": {

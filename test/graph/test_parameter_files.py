@@ -135,6 +135,12 @@ def test_the_loop_is_launched_with_all_eight_nodes(monkeypatch: pytest.MonkeyPat
     assert nodes == [*STAGES, "dashboard", "session_recorder"]
 
 
+def test_the_loop_finds_the_poses_of_any_body(monkeypatch: pytest.MonkeyPatch) -> None:
+    actions = described(PACKAGE / "launch" / "online.launch.py", monkeypatch)
+    declared = [one for one in actions if type(one).__name__ == "DeclareLaunchArgument"]
+    assert {one.parts[0]: one.named["default_value"] for one in declared}["topic"] == "auto"
+
+
 def test_every_argument_has_a_description(monkeypatch: pytest.MonkeyPatch) -> None:
     for path in LAUNCH_FILES:
         for one in described(path, monkeypatch):
