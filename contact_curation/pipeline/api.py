@@ -332,7 +332,8 @@ def train(
         bounce = running.bounce()
         missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
         others = of_other_rigs([start], found.config.inputs.rig)
-        return replace(running.model(), warnings=(*others, *found.warnings, *filter(None, (missing,))))
+        careful = filter(None, (missing, running.curated.training.displaced()))
+        return replace(running.model(), warnings=(*others, *found.warnings, *careful))
 
 
 @says_what_to_install

@@ -184,7 +184,8 @@ class TrainingStage:
         model, at_optimum = self._training.model, self._training.at_optimum
         geometry = model.geometry()
         bounces = geometry is not None and geometry.restitution is not None
-        return misfits(self._round_tosses, model.body, geometry if at_optimum else None, bounces=bounces)
+        found = misfits(self._round_tosses, model.body, geometry if at_optimum else None, bounces=bounces)
+        return (*found, *filter(None, (self._training.displaced(),)))
 
     def more_throws(self, tosses: Sequence[Toss] = ()) -> MoreThrows | None:
         """How far as many throws again would change predicted motions of these tosses, or else of those of the round.

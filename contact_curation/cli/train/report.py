@@ -27,6 +27,7 @@ class TrainReport:
         run: the training and its end.
         bounce: restitution of the tosses that the model lacks, or would lack; None where it has one, or none is known.
         sticking: what contacts that seldom slide say against the friction; empty for nothing.
+        displaced: how far corners are from where they are known to be; empty for no further than by chance.
         more_throws: how far as many throws again would change predicted motions; None where that is not known.
         tosses: tosses that it learned from.
         seconds: duration of this run [s].
@@ -38,6 +39,7 @@ class TrainReport:
     run: TrainingRun
     bounce: Bounce | None
     sticking: str
+    displaced: str
     more_throws: MoreThrows | None
     tosses: LearningTosses
     seconds: float
@@ -74,6 +76,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "bounce": report.bounce._asdict() if report.bounce else None,
         "restitution": report.restitution,
         "friction_hardly_used_up": report.sticking,
+        "corners_displaced": report.displaced,
         "more_throws": report.more_throws._asdict() if report.more_throws else None,
         "selections": [document_of(one) for one in report.run.curated.selections],
         "seconds": report.seconds,
@@ -108,8 +111,8 @@ def print_report(report: TrainReport) -> None:
         print(f"restitution {report.restitution:.2f}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
-    if report.misfit:
-        print(f"careful: {report.misfit}")
+    for line in filter(None, (report.misfit, report.displaced)):
+        print(f"careful: {line}")
     _print_selections(report.run.curated.selections)
     if report.more_throws:
         print(report.more_throws.in_words())

@@ -14,6 +14,7 @@ from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.contact.loss_config import MODERATE_FRICTION
 from contact_curation.contact.rollout import rollout
 from contact_curation.geometry import quaternions
+from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.rebounds import rebounds
 from contact_curation.motion.survey.sliding import Sliding, sliding
@@ -58,6 +59,9 @@ DESCRIBE = (
     "; much friction is learned better where it is described: give --friction {0:.1f}, or friction: {0:.1f} in the object's "
     "file, and rank and train again"
 )
+
+BY_CHANCE = 0.01
+"""Probability that any corner of a right model is as far from where it is known to be as a line says."""
 
 LOADED, MOVING = 0.3, 0.05
 """A body moves on the board where the contacts carry so much of its weight, and a corner may be faster than this [m/s]; a
@@ -161,6 +165,28 @@ def sticking_in_words(data: Transitions, geometry: ContactGeometry | None, body:
     return (
         f"friction hardly used up: contacts slide in {100.0 * use.sliding:.0f} % of the frames that move on the board "
         f"(expected {100.0 * SLIDING:.0f} % at least), {higher} higher than the {friction:.2f} that is learned{describe}"
+    )
+
+
+def displaced_in_words(known: Array, learned: Array, known_to: float) -> str:
+    """How far corners are from where they are known to be, if too far for chance; else empty.
+
+    Where a model does not fit, its corners leave the known ones for that reason.
+
+    Args:
+        known: (V, 3) corners as described [m].
+        learned: (V, 3) [m].
+        known_to: standard deviation of each number [m].
+    """
+    from scipy.special import ndtri  # takes a quarter of a second to import
+
+    farthest = float(np.abs(learned - known).max())
+    most = float(-ndtri(0.5 * BY_CHANCE / known.size))
+    if farthest <= most * known_to:
+        return ""
+    return (
+        f"corners were learned up to {1e3 * farthest:.1f} mm from where they are known to {1e3 * known_to:g} mm (expected "
+        f"{1e3 * most * known_to:.1f} mm at most): they are not known so exactly, or the model does not fit these tosses"
     )
 
 

@@ -24,6 +24,7 @@ from contact_curation.contact.models.registry import model_class
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
+from contact_curation.learning.evaluation.misfit import displaced_in_words
 from contact_curation.learning.fits.exact_fit import optimum, theta_0
 from contact_curation.learning.training.data import Batches, checked, digest_of, rows_of, transition_name
 from contact_curation.learning.training.objective import (
@@ -193,6 +194,13 @@ class Training:
     def at_optimum(self) -> bool:
         """Whether it has ended at the optimum of its data."""
         return self.config.exact and self.counters.state is TrainingState.CONVERGED
+
+    def displaced(self) -> str:
+        """How far corners of an optimum are from where they were known to be, if too far for chance; else empty."""
+        known_to, learned, scale = self.config.shape_known_to, self.model.geometry(), self.model.body.length_scale
+        if known_to is None or learned is None or self._origin is None or not self.at_optimum:
+            return ""
+        return displaced_in_words(scale * self._origin.geometry().vertices_normal, scale * learned.vertices_normal, known_to)
 
     def trained(self) -> Model:
         """A copy of what counts as the result: the best by held-out loss where training stops early, else the last."""
