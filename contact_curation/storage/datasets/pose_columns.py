@@ -20,9 +20,14 @@ QUATERNION_WORDS, ANGLE_WORDS = {"q", "quat", "quaternion"}, {"euler", "angle", 
 ORIENTATION_WORDS = {"orient", "orientation", "rot", "rotation", "attitude", *QUATERNION_WORDS, *ANGLE_WORDS}
 MATRIX_WORDS = {"r", "m", "rot", "rotation", "mat", "matrix", "rotmat", "dcm"}
 NAMED_ANGLES = {"roll": "ax", "pitch": "ay", "yaw": "az"}
-WHOLE_SECONDS, NANOSECONDS_BESIDE = {"sec", "secs", "seconds"}, {"nanosec", "nanosecs", "nsec", "nsecs", "nanoseconds"}
-TIME_WORDS = {"t", "time", "timestamp", "stamp", "datetime", "ns"}
-TIME_WORDS |= WHOLE_SECONDS | NANOSECONDS_BESIDE
+WHOLE_SECONDS = {"sec", "secs", "seconds"}
+BESIDE_SECONDS = {
+    **dict.fromkeys(("nanosec", "nanosecs", "nsec", "nsecs", "nanoseconds"), 1),
+    **dict.fromkeys(("microsec", "microsecs", "usec", "usecs", "microseconds"), 1_000),
+    **dict.fromkeys(("millisec", "millisecs", "msec", "msecs", "milliseconds"), 1_000_000),
+}
+"""[ns] Units of what stands in a column of its own beside whole seconds."""
+TIME_WORDS = {"t", "time", "timestamp", "stamp", "datetime", "ns", *WHOLE_SECONDS, *BESIDE_SECONDS}
 DATE_WORD = "date"
 """Of a column of days, beside times of day."""
 OTHER_WORDS = {"v", "vel", "velocity", "twist", "angular", "linear", "acc", "acceleration", "cov", "covariance", "b"}
@@ -50,6 +55,8 @@ UNITS_OF_LENGTH = {
 """[m] Others are metres."""
 
 UNITS = {*UNITS_OF_TIME, *UNITS_OF_ANGLE, *UNITS_OF_LENGTH}
+SURE_UNITS = {unit for unit in UNITS_OF_LENGTH if unit in ("mm", "cm", "um") or re.match("(mill|cent|dec)i|micro", unit)}
+"""Of lengths, wherever they stand in a name, `position_mm.x`: nothing else is called so."""
 
 IDENTIFIER = re.compile(r"\b[0-9A-Fa-f]{8,}(-[0-9A-Fa-f]{4,})*\b")
 """Of a body, as Motive writes: no words."""
@@ -63,14 +70,15 @@ class ColumnsError(Exception):
 
 
 class PoseColumns(NamedTuple):
-    """Where the columns are: of times, nanoseconds beside whole seconds, position and orientation, and days beside times.
+    """Where the columns are: of times, what is beside whole seconds, position and orientation, and days beside times.
 
-    Positions have a unit of so many metres; of the orientation `form` tells what its columns are, one of `FORMS`, and
-    `angle_unit` the unit that names of angles say. `other_time` is a column of times that may as well be meant.
+    Times, and what is beside them, have units of so many nanoseconds, positions one of so many metres; of the orientation
+    `form` tells what its columns are, one of `FORMS`, and `angle_unit` the unit that names of angles say. `other_time` is a
+    column of times that may as well be meant.
     """
 
     time: int | None
-    nanoseconds: int | None
+    beside: int | None
     time_unit: int | None
     pose: tuple[int, ...]
     length: float
@@ -78,11 +86,12 @@ class PoseColumns(NamedTuple):
     form: tuple[str, ...]
     angle_unit: str
     other_time: int | None = None
+    beside_unit: int = 1
 
     @property
     def fewest(self) -> int:
         """Values of a row with all of them."""
-        return 1 + max(at for at in (self.time, self.nanoseconds, self.date, *self.pose) if at is not None)
+        return 1 + max(at for at in (self.time, self.beside, self.date, *self.pose) if at is not None)
 
 
 class _Name(NamedTuple):
@@ -124,8 +133,9 @@ def columns_of(names: Sequence[str], body: str = "", length_unit: str = "") -> P
     for at in times:
         for beside in times:
             words, others = set(words_of(names[at])), set(words_of(names[beside]))
-            if words & WHOLE_SECONDS and words - WHOLE_SECONDS == others - NANOSECONDS_BESIDE:
-                return PoseColumns(at, beside, NANOSECONDS, pose, length, None, form, units.pop())
+            smaller = [unit for word, unit in BESIDE_SECONDS.items() if word in others]
+            if smaller and words & WHOLE_SECONDS and words - WHOLE_SECONDS == others - set(BESIDE_SECONDS):
+                return PoseColumns(at, beside, NANOSECONDS, pose, length, None, form, units.pop(), None, smaller[0])
     time, date = next(iter([*times, *dates]), None), next(iter(dates), None)
     time_unit = None if time is None else UNITS_OF_TIME.get(_unit(names[time]))
     other = next((at for at in times[1:2] if doubt(at) == doubt(times[0])), None)
@@ -180,6 +190,7 @@ def _told(name: str, *, angles: bool = False) -> _Name:
     words = words_of(name)
     if len(words) > 1 and (words[-1] in UNITS_OF_LENGTH or words[-1] in UNITS_OF_ANGLE):
         del words[-1]
+    words = [word for word in words if word not in SURE_UNITS]
     letters = [word for word in words if not word.isdigit()]
     if not letters or set(letters) & OTHER_WORDS:
         return _Name("")
@@ -213,9 +224,11 @@ def _doubt(words: set[str], near: set[str]) -> tuple[bool, int, int]:
 
 
 def _unit(name: str) -> str:
-    """The unit of a column: in the last brackets that hold one, else the name's last word."""
+    """The unit of a column: in the last brackets that hold one, else the name's last word, or one of `SURE_UNITS`."""
     bracketed = [one.lower() for one in re.findall(r"[\[(]\s*(\w+|°)\s*[\])]", _with_micro(name))]
-    return next((one for one in reversed(bracketed) if one in UNITS), (words_of(name) or [""])[-1])
+    words = words_of(name) or [""]
+    told = [one for one in bracketed if one in UNITS] or [one for one in words if one in SURE_UNITS] or words
+    return told[-1]
 
 
 def _with_micro(name: str) -> str:

@@ -125,7 +125,7 @@ class PoseTable:
         time, beside, day = (None if at is None else values[at] for at in (*self._columns[:2], self._columns.date))
         time = time or ""
         if (number := _time(time)) is not None:
-            return int(number * self._unit) + int((_time(beside) if beside else None) or 0)
+            return int(number * self._unit) + int(self._columns.beside_unit * ((_time(beside) if beside else None) or 0))
         seconds = _date(time)
         if seconds is None and day is not None:
             time = f"{day} {time}"
@@ -179,7 +179,7 @@ class PoseTable:
             UnreadableInputError: it has several names, none of them the body's.
         """
         rows = [values for _, values in islice(self._rows(), LOOKED_AT)]
-        used = {self._columns.time, self._columns.nanoseconds, *self._columns.pose}
+        used = {self._columns.time, self._columns.beside, *self._columns.pose}
         for at, name in enumerate(self._names):
             words = set(words_of(name))
             if at in used or not words or not words <= NAMING_WORDS:
@@ -216,14 +216,14 @@ class PoseTable:
         return [name for name in names if name in own] or [name for name in names if words_of(name) in words]
 
     def _with_one_time(self, columns: PoseColumns) -> PoseColumns:
-        """Columns without nanoseconds beside seconds, where either are whole times by themselves."""
-        if columns.time is None or columns.nanoseconds is None:
+        """Columns without what is beside seconds, where either are whole times by themselves."""
+        if columns.time is None or columns.beside is None:
             return columns
         rows = [values for _, values in islice(self._rows(), LOOKED_AT) if len(values) >= columns.fewest]
-        seconds, beside = ([_time(values[at]) or 0 for values in rows] for at in (columns.time, columns.nanoseconds))
-        if any(one >= NANOSECONDS for one in beside):
-            return columns._replace(time=columns.nanoseconds, nanoseconds=None, time_unit=1)
-        return columns._replace(nanoseconds=None) if any(one % 1 for one in seconds) else columns
+        seconds, beside = ([_time(values[at]) or 0 for values in rows] for at in (columns.time, columns.beside))
+        if any(one * columns.beside_unit >= NANOSECONDS for one in beside):
+            return columns._replace(time=columns.beside, beside=None, time_unit=columns.beside_unit)
+        return columns._replace(beside=None) if any(one % 1 for one in seconds) else columns
 
     def _unit_by_steps(self) -> int:
         at = self._columns.time

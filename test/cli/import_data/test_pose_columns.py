@@ -24,6 +24,9 @@ NAMED = {
     "time,x (in),y (in),z (in),qx,qy,qz,qw": 0.0254,
     "time,x,y,z,rx,ry,rz,rw": 1.0,
     "t,cube_x,cube_y,cube_z,cube_qx,cube_qy,cube_qz,cube_qw": 1.0,
+    "t,position_mm.x,position_mm.y,position_mm.z,qx,qy,qz,qw": 1e-3,
+    "t,pos_cm_x,pos_cm_y,pos_cm_z,qx,qy,qz,qw": 1e-2,
+    "t,foot_x,foot_y,foot_z,foot_qx,foot_qy,foot_qz,foot_qw": 1.0,
 }
 
 

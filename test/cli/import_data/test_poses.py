@@ -192,6 +192,17 @@ def test_poses_at_a_rate_need_no_times(cli: Cli, tmp_path: Path) -> None:
     assert (done.status, done.json["poses"], done.json["seconds"]) == (0, 101, 2.0)
 
 
+def test_microseconds_and_milliseconds_stand_beside_seconds_too(tmp_path: Path) -> None:
+    stamps = [7_000_001_000, 7_006_668_000, 7_999_000_000, 8_005_667_000]
+    for names, unit in (("sec,usec", 1_000), ("time_sec,time_microsec", 1_000), ("seconds,milliseconds", 1_000_000)):
+        rows = [f"{stamp // 10**9},{stamp % 10**9 / unit:.7g},0,0,1,0,0,0,1" for stamp in stamps]
+        (tmp_path / "a.csv").write_text("\n".join([f"{names},x,y,z,qx,qy,qz,qw", *rows]))
+        assert [stamp for stamp, _ in PoseTable(tmp_path / "a.csv")] == stamps, names
+    rows = [f"{stamp // 10**9},{stamp // 1_000},0,0,1,0,0,0,1" for stamp in stamps]  # whole times themselves
+    (tmp_path / "a.csv").write_text("\n".join(["sec,usec,x,y,z,qx,qy,qz,qw", *rows]))
+    assert [stamp for stamp, _ in PoseTable(tmp_path / "a.csv")] == stamps
+
+
 @pytest.mark.parametrize("begin", [0, 1_700_000_000])
 @pytest.mark.parametrize("seconds", ["{0:.0f}", "{0:.2f}", "{1:.2f}"])
 def test_nanoseconds_beside_seconds_may_be_whole_times_themselves(seconds: str, begin: int, tmp_path: Path) -> None:
