@@ -28,6 +28,7 @@ def test_of_corners_that_are_off_as_described_hardly_any_model_is_doubted() -> N
     assert sum(bool(displaced_in_words(CORNERS, CORNERS + one, 2e-3)) for one in drawn) < 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("larger", "said"), [(1.0, False), (1.08, True)])
 def test_train_says_it_of_a_body_that_is_larger_than_described(larger: float, said: bool) -> None:
     described = replace(CUBE, vertices=larger * CUBE.vertices)
