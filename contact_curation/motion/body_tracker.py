@@ -80,6 +80,18 @@ class TrackerConfig:
         check_positive(self, ("largest_speed", "largest_spin"), infinite=True)
 
 
+class Carrier(NamedTuple):
+    """A frame that the body was measured in and that moves over the board, such as a camera that an arm carries.
+
+    Attributes:
+        frame: its name.
+        pose: in the board's frame, at the time of the measurement.
+    """
+
+    frame: str
+    pose: ScalarPose
+
+
 @dataclass(frozen=True, slots=True)
 class BodyPose:
     """The body in the board's frame.
@@ -87,10 +99,12 @@ class BodyPose:
     Attributes:
         stamp_ns: header stamp, as it came; `even_stamps` corrects uneven ones.
         pose: body to board [m].
+        carrier: what it was measured in, where transforms move this.
     """
 
     stamp_ns: int
     pose: ScalarPose
+    carrier: Carrier | None = None
 
 
 def body_poses(run: PoseRun) -> list[BodyPose]:
@@ -215,13 +229,13 @@ class BodyTracker:
 
     def snapshot(self) -> dict[str, Any]:
         """The state as plain numbers, lists and names, which JSON keeps exactly, without moving frames that are not needed."""
-        needed = self.needed_frames
+        needed, last = self.needed_frames, self._last_pose
         return {
             "links": {child: asdict(link) for child, link in self._tree.links.items() if link.static or child in needed},
             "waiting": [asdict(measured) for measured in self._waiting],
             "last_ns": self._last_ns,
             "parents": list(self._parents),
-            "last_pose": None if self._last_pose is None else asdict(self._last_pose),
+            "last_pose": None if last is None else {"stamp_ns": last.stamp_ns, "pose": tuple(last.pose)},
             "counts": dict(self.counts),
         }
 
@@ -276,8 +290,8 @@ class BodyTracker:
             measured = self._waiting[0]
             late = self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS
             found = self._in_board(measured, ended=late)
-            if isinstance(found, ScalarPose):
-                events.append(self._without_jump(BodyPose(measured.stamp_ns, found)))
+            if found is not None:
+                events.append(self._without_jump(found))
                 self._waiting.popleft()
             elif self._board_may_come:
                 break
@@ -308,7 +322,7 @@ class BodyTracker:
         self._last_pose = found
         return found
 
-    def _in_board(self, measured: FramePose, *, ended: bool) -> ScalarPose | None:
+    def _in_board(self, measured: FramePose, *, ended: bool) -> BodyPose | None:
         """The body in the board's frame by a measurement; None as long as the rig's poses do not determine it.
 
         Args:
@@ -323,7 +337,9 @@ class BodyTracker:
         pose = measured.pose
         if body is not IDENTITY or above is not IDENTITY or 0.0 in pose.position or 0.0 in pose.orientation_wxyz:
             pose = compose(above, compose(pose, body))  # with two identities it changes nothing but signs of zeros
-        return self._centered(compose(to_board, pose))
+        placed = self._centered(compose(to_board, pose))
+        moves = way is not None and way.static is None
+        return BodyPose(measured.stamp_ns, placed, Carrier(measured.parent, compose(to_board, above)) if moves else None)
 
     def _run_in_board(self, way: tuple[ScalarPose, ScalarPose, ScalarPose], measured: PoseRun) -> PoseRun:
         """The same for a run over a way that does not move: the scalars' arithmetic over columns of numbers."""
@@ -368,7 +384,7 @@ class BodyTracker:
         while self._waiting:
             measured = self._waiting.popleft()
             found = self._in_board(measured, ended=True)
-            placed = None if found is None else self._without_jump(BodyPose(measured.stamp_ns, found))
+            placed = None if found is None else self._without_jump(found)
             events.append(placed or self._lost(measured, why))
         return events
 

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from contact_curation.errors import ContactCurationError, MissingTopicError
 from contact_curation.geometry.quaternions import Array
+from contact_curation.geometry.scalars import ScalarPose
 from contact_curation.motion.body_tracker import BodyPose
 from contact_curation.motion.calibration import calibrated_poses
 from contact_curation.motion.pose_noise import RIG, TrackerScale
 from contact_curation.motion.pose_stream import BadPose, FramePose
+from contact_curation.motion.survey.carried import Carried
 from contact_curation.motion.survey.series import PoseSeries, series_of
 from contact_curation.motion.tags.fit import TagFit, tag_fit
 from contact_curation.motion.toss import Rejected, Toss
@@ -84,6 +86,7 @@ class Recording:
         stamps_done: what was done to header stamps that jitter; empty where all are as they came.
         tracker: how noisy a tracker the bounds of segmenter and quality checks were for, in the end.
         tags: how well detected corners fit the tag map; None without one.
+        carried: the poses on the board that were measured in frames that transforms move.
     """
 
     path: str
@@ -106,6 +109,7 @@ class Recording:
     stamps_done: str = ""
     tracker: TrackerScale = RIG
     tags: TagFit | None = None
+    carried: tuple[Carried, ...] = ()
 
     @property
     def name(self) -> str:
@@ -181,6 +185,7 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
         stamps_done=tosses.stamps_done,
         tracker=tosses.tracker,
         tags=_tag_fit(reader, tosses, watched.counted, config),
+        carried=_carried(placed),
     )
 
 
@@ -207,6 +212,23 @@ def _series(placed: Sequence[BodyPose], config: ReadingConfig) -> tuple[PoseSeri
     positions, orientations = calibrated_poses(positions, orientations, config.inputs.rig.without_marker)
     parts = np.split(np.arange(len(stamps)), np.flatnonzero(np.diff(stamps) <= 0) + 1)
     return tuple(PoseSeries(stamps[part], positions[part], orientations[part]) for part in parts)
+
+
+def _carried(placed: Sequence[BodyPose]) -> tuple[Carried, ...]:
+    """Those that were measured in a frame that moves, by frame; others begin where the clock jumps back."""
+    found = []
+    for frame in dict.fromkeys(one.carrier.frame for one in placed if one.carrier is not None):
+        own = [(one, one.carrier.pose) for one in placed if one.carrier is not None and one.carrier.frame == frame]
+        stamps = np.array([one.stamp_ns for one, _ in own], dtype=np.int64)
+        bodies, carriers = _columns([one.pose for one, _ in own]), _columns([pose for _, pose in own])
+        for part in np.split(np.arange(len(stamps)), np.flatnonzero(np.diff(stamps) <= 0) + 1):
+            body, carrier = (PoseSeries(stamps[part], *(each[part] for each in one)) for one in (bodies, carriers))
+            found.append(Carried(frame, body, carrier))
+    return tuple(found)
+
+
+def _columns(poses: Sequence[ScalarPose]) -> tuple[Array, Array]:
+    return np.array([one.position for one in poses]), np.array([one.orientation_wxyz for one in poses])
 
 
 class _Watched:

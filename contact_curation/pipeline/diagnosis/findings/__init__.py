@@ -6,6 +6,7 @@ Another finding is a function `(Evidence) -> Finding | None` and a line here.
 from contact_curation.pipeline.diagnosis.finding import Find
 from contact_curation.pipeline.diagnosis.findings import (
     body,
+    carried,
     contact,
     facts,
     frames,
@@ -41,6 +42,9 @@ FINDINGS: tuple[Find, ...] = (
     stamps.jitter,
     stamps.by_turns,
     stamps.disagreeing,
+    carried.out_of_step,
+    carried.misplaced,
+    carried.scattering,
     poses.frames_are_lost,
     stamps.closed_up,
     gravity.nothing_moves,

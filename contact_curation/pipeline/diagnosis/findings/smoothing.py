@@ -15,6 +15,7 @@ from contact_curation.motion.survey.falls import Survey, noise_in_the_air
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+from contact_curation.pipeline.diagnosis.findings.carried import scattering
 
 RAW = "record the tracker's raw poses, each once, at its own rate"
 UNFILTERED = "record raw poses, without a filter behind the tracker"
@@ -91,7 +92,7 @@ def interpolated(evidence: Evidence) -> Finding | None:
 
 def smoothed(evidence: Evidence) -> Finding | None:
     """Impacts that are spread over frames though contacts are firm, or noise that is not white."""
-    if evidence.fall is None:
+    if evidence.fall is None or scattering(evidence) is not None:
         return None
     sharpness, colour = _sharpness(evidence.survey), _colour(evidence.survey)
     share = float(np.percentile(sharpness, 90)) if len(sharpness) >= FEWEST_FALLS and not evidence.gives_way else 1.0

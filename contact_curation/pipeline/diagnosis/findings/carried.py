@@ -1,0 +1,63 @@
+"""Whether bodies that lie still move as what they are measured from does: transforms out of step with poses, or wrong ones."""
+
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.finding import Finding, Severity
+
+WORTH, LARGEST = 1e-4, 1e-3
+"""[m] Root mean square by which bodies that lie still move: less changes little, more is a fault."""
+
+OF_NOISE, NOISIEST = 2.0, 3e-4
+"""Times what poses scatter by in the camera, bodies that lie still scatter on the board where transforms do; [m] of a fault."""
+
+
+def out_of_step(evidence: Evidence) -> Finding | None:
+    """Stamps of transforms that are late or early against those of poses, such as joint states stamped when they are sent."""
+    found = evidence.wander
+    if found is None or found.by_lead < WORTH:
+        return None
+    side = "ahead of" if found.lead > 0.0 else "behind"
+    what = (
+        f"{_moves(evidence, found.by_lead)}: the transforms that move it are {1e3 * abs(found.lead):.2g} ms {side} the poses "
+        f"by their stamps ({found.rests} rests)"
+    )
+    remedy = "stamp images and joints with the times at which they were taken, by one clock, or let it stand still"
+    return Finding(_severity(evidence, found.by_lead), what, remedy, other_poses=True)
+
+
+def misplaced(evidence: Evidence) -> Finding | None:
+    """A camera that is mounted otherwise than transforms say."""
+    found = evidence.wander
+    if found is None or found.by_place < WORTH:
+        return None
+    what = (
+        f"{_moves(evidence, found.by_place)}: it is mounted otherwise than transforms say, or gives wrong distances "
+        f"({found.rests} rests)"
+    )
+    remedy = "calibrate the camera, and its place on what moves it (hand-eye)"
+    return Finding(_severity(evidence, found.by_place), what, remedy, other_poses=True)
+
+
+def scattering(evidence: Evidence) -> Finding | None:
+    """Transforms that are noisier than the poses, of which interpolation makes what looks like a filter."""
+    found = evidence.scatter
+    if found is None or found.on_board < max(WORTH, OF_NOISE * found.in_carrier):
+        return None
+    board, measured = (f"{1e3 * size:.2g} mm" for size in (found.on_board, found.in_carrier))
+    what = (
+        f"bodies that hardly move scatter by {board} on the board, and by {measured} in '{_frame(evidence)}': "
+        "the transforms between it and the board are noisy"
+    )
+    remedy = "smooth them, for what carries a camera moves smoothly; send those of what stands still once, on /tf_static"
+    return Finding(_severity(evidence, found.on_board, NOISIEST), what, remedy, other_poses=True)
+
+
+def _frame(evidence: Evidence) -> str:
+    return evidence.carried[0].frame
+
+
+def _moves(evidence: Evidence, by: float) -> str:
+    return f"bodies that lie still move by {1e3 * by:.2g} mm as '{_frame(evidence)}' does"
+
+
+def _severity(evidence: Evidence, by: float, largest: float = LARGEST) -> Severity:
+    return Severity.FAULT if by > largest or evidence.mostly_rejected else Severity.WARNING

@@ -1,0 +1,77 @@
+"""What `check` says of recordings by a camera that an arm moves."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.data.check_faults import Session, simulated_session
+from contact_curation.contact.body import CONTACTNETS_CUBE
+from contact_curation.geometry import quaternions
+from contact_curation.geometry.scalars import ScalarPose, compose, inverse, vector
+from contact_curation.motion.pose_stream import FramePose
+from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
+from contact_curation.pipeline.reading import ReadingConfig
+from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.inputs.pose_messages import POSE
+from test.storage.pose_recordings import message, transforms
+
+TRANSFORM_NS = 10_000_000
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return simulated_session(tosses=8)
+
+
+def camera(seconds: float, size: float = 0.1) -> ScalarPose:
+    """Where an arm has the camera, over the board."""
+    x, y, z = size * np.sin(np.array([2.0, 2.6, 1.4]) * seconds + np.arange(3.0))
+    w, a, b, c = quaternions.exp([z - 2.2, x, y]).tolist()
+    return ScalarPose((float(x), float(y) - 0.6, float(z) + 0.6), (w, a, b, c))
+
+
+def diagnosed(
+    path: Path, made: Session, moves: Callable[[float], ScalarPose] = camera, lead: float = 0.0, noise: float = 0.0
+) -> Diagnosis:
+    """Of poses in a camera's frame, and transforms at 100 Hz with that of `lead` later [s] and with noise [m]."""
+    rng, first_ns = np.random.default_rng(0), int(made.stamps_ns[0])
+    sent: list[tuple[int, FramePose]] = []
+    for stamp_ns, row in zip(made.stamps_ns.tolist(), made.poses.tolist(), strict=True):
+        seen = compose(inverse(moves(1e-9 * (stamp_ns - first_ns))), ScalarPose(tuple(row[:3]), tuple(row[3:])))
+        sent.append((stamp_ns + 3_000_000, FramePose(stamp_ns, "camera", "body_cube", seen)))
+    for stamp_ns in range(first_ns - TRANSFORM_NS, int(made.stamps_ns[-1]) + 3 * TRANSFORM_NS, TRANSFORM_NS):
+        place, turn = moves(1e-9 * (stamp_ns - first_ns) + lead)
+        rough = ScalarPose(vector(np.array(place) + noise * rng.standard_normal(3)), turn)
+        sent.append((stamp_ns + 1_000_000, FramePose(stamp_ns, "body_surface", "camera", rough)))
+    with BagWriter(path) as bag:
+        for log_ns, one in sorted(sent, key=lambda each: each[0]):
+            if one.child == "camera":
+                bag.write("/tf", transforms([one]), log_ns)
+            else:
+                bag.write("/cube/pose", message(POSE, one), log_ns)
+    return diagnose([path], ReadingConfig(CONTACTNETS_CUBE))
+
+
+@pytest.mark.parametrize("lead", [0.01, -0.03])
+def test_transforms_that_are_out_of_step_are_named_and_no_wrong_body(lead: float, session: Session, tmp_path: Path) -> None:
+    found = diagnosed(tmp_path / "a.mcap", session, lead=lead)
+    named = [line for line in (found.verdict, *found.reasons) if "as 'camera' does: the transforms that move it are" in line]
+    assert named, found
+    assert f"are {1e3 * abs(lead):.0f} ms {'ahead of' if lead > 0.0 else 'behind'} the poses" in named[0]
+    assert found.ok or found.verdict == named[0]
+    assert not found.settings
+
+
+def test_noisy_transforms_are_named_and_no_filter_behind_the_tracker(session: Session, tmp_path: Path) -> None:
+    found = diagnosed(tmp_path / "a.mcap", session, noise=4e-4)
+    assert "mm in 'camera': the transforms between it and the board are noisy" in found.verdict
+    assert not any("smoothed" in line for line in found.reasons), found
+
+
+@pytest.mark.parametrize("size", [0.0, 0.03, 0.1])
+def test_of_a_sound_camera_on_an_arm_nothing_is_said(size: float, session: Session, tmp_path: Path) -> None:
+    found = diagnosed(tmp_path / "a.mcap", session, lambda seconds: camera(seconds, size), noise=1e-5)
+    assert found.ok
+    assert not any("'camera' does" in line or "transforms" in line for line in (found.verdict, *found.reasons)), found
