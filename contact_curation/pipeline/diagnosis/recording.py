@@ -47,18 +47,22 @@ class Measurements:
         logged_ns: (N,) log times.
         positions: (N, 3) in the frame that they are given in; NaN of bad ones.
         orientations_wxyz: (N, 4) likewise.
+        frames: (N,) names of these frames; empty of bad ones.
     """
 
     stamps_ns: NDArray[np.int64]
     logged_ns: NDArray[np.int64]
     positions: Array
     orientations_wxyz: Array
+    frames: NDArray[np.str_]
 
     def __len__(self) -> int:
         return len(self.stamps_ns)
 
 
-NO_MEASUREMENTS = Measurements(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)))
+NO_MEASUREMENTS = Measurements(
+    np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0, np.str_)
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +240,7 @@ class _Watched:
 
     def __init__(self, tosses: BagTosses) -> None:
         self._tosses = tosses
-        self._rows: list[tuple[int, int, float, float, float, float, float, float, float]] = []
+        self._rows: list[tuple[int, int, str, float, float, float, float, float, float, float]] = []
         self.counted: Counter[str] = Counter()
         self.parents: Counter[str] = Counter()
         self.frames: set[str] = set()
@@ -252,15 +256,19 @@ class _Watched:
                 continue
             if isinstance(one, FramePose):
                 self.parents[one.parent] += 1
-                self._rows.append((one.stamp_ns, message.log_time_ns, *one.pose.position, *one.pose.orientation_wxyz))
+                self._rows.append(
+                    (one.stamp_ns, message.log_time_ns, one.parent, *one.pose.position, *one.pose.orientation_wxyz)
+                )
             elif isinstance(one, BadPose):
-                self._rows.append((one.stamp_ns, message.log_time_ns, *(float("nan"),) * 7))
+                self._rows.append((one.stamp_ns, message.log_time_ns, "", *(float("nan"),) * 7))
         return list(self._tosses.taken(message.measured, message.topic))
 
     def measurements(self) -> Measurements:
         """All that was measured of the body."""
         if not self._rows:
             return NO_MEASUREMENTS
-        stamps, logged, *rest = zip(*self._rows, strict=True)
+        stamps, logged, frames, *rest = zip(*self._rows, strict=True)
         poses = np.array(rest, dtype=float).T
-        return Measurements(np.array(stamps, np.int64), np.array(logged, np.int64), poses[:, :3], poses[:, 3:])
+        return Measurements(
+            np.array(stamps, np.int64), np.array(logged, np.int64), poses[:, :3], poses[:, 3:], np.array(frames, np.str_)
+        )

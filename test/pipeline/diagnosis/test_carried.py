@@ -1,4 +1,4 @@
-"""What `check` says of recordings by a camera that an arm moves."""
+"""What `check` says of recordings by a camera that an arm moves, and by several cameras."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -75,3 +75,39 @@ def test_of_a_sound_camera_on_an_arm_nothing_is_said(size: float, session: Sessi
     found = diagnosed(tmp_path / "a.mcap", session, lambda seconds: camera(seconds, size), noise=1e-5)
     assert found.ok
     assert not any("'camera' does" in line or "transforms" in line for line in (found.verdict, *found.reasons)), found
+
+
+def by_two(path: Path, made: Session, sees: Callable[[int], str], apart: float = 0.0) -> Diagnosis:
+    """Of the cameras that `sees` names for each frame, the second one in transforms `apart` from where it is [m]."""
+    with BagWriter(path) as bag:
+        first_ns = int(made.stamps_ns[0])
+        cameras = {name: camera(seconds) for name, seconds in (("a", 0.0), ("b", 1.0))}
+        x, y, z = cameras["b"].position
+        told = {**cameras, "b": ScalarPose((x + apart, y, z), cameras["b"].orientation_wxyz)}
+        static = [FramePose(0, "body_surface", name, pose, static=True) for name, pose in told.items()]
+        bag.write("/tf_static", transforms(static), first_ns, latched=True)
+        for frame, (stamp_ns, row) in enumerate(zip(made.stamps_ns.tolist(), made.poses.tolist(), strict=True)):
+            for name in sees(frame):
+                seen = compose(inverse(cameras[name]), ScalarPose(tuple(row[:3]), tuple(row[3:])))
+                bag.write("/cube/pose", message(POSE, FramePose(stamp_ns, name, "body_cube", seen)), stamp_ns + 3_000_000)
+    return diagnose([path], ReadingConfig(CONTACTNETS_CUBE))
+
+
+def chosen(frame: int) -> str:
+    """The one or the other, by chance."""
+    return "ab"[int(np.random.default_rng(frame).integers(2))]
+
+
+@pytest.mark.parametrize("sees", [chosen, lambda frame: "ab"[frame // 40 % 2]])
+def test_cameras_that_disagree_are_named_and_no_noise(sees: Callable[[int], str], session: Session, tmp_path: Path) -> None:
+    found = by_two(tmp_path / "a.mcap", session, sees, apart=3e-3)
+    assert "poses jump by 3 mm where they come from another one of 'a' and 'b'" in found.verdict
+    assert not found.settings
+    sound = by_two(tmp_path / "b.mcap", session, sees)
+    assert sound.ok
+    assert not any("poses jump" in line for line in (sound.verdict, *sound.reasons))
+
+
+def test_two_cameras_with_the_same_stamps_are_named_as_two(session: Session, tmp_path: Path) -> None:
+    found = by_two(tmp_path / "a.mcap", session, lambda frame: "ab")
+    assert "poses in 'a' and 'b' have the same ones: record a topic for each camera" in found.verdict

@@ -42,6 +42,7 @@ FINDINGS: tuple[Find, ...] = (
     stamps.jitter,
     stamps.by_turns,
     stamps.disagreeing,
+    frames.disagreeing,
     carried.out_of_step,
     carried.misplaced,
     carried.scattering,

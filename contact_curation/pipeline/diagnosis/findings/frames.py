@@ -1,8 +1,13 @@
 """Whether the board's frame was found, and whose poses these are."""
 
+import numpy as np
+
+from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.body_tracker import AROUND
+from contact_curation.motion.survey.series import WIDEST_STEP
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity, by_recording, of_recordings
+from contact_curation.pipeline.diagnosis.findings import stamps
 from contact_curation.pipeline.diagnosis.recording import Recording
 from contact_curation.storage.inputs.pose_source import is_of_another
 
@@ -11,6 +16,49 @@ MOST_LISTED = 8
 
 MANY = 0.01
 """Share of poses that wait for the board in vain, from which on it is worth a line."""
+
+
+FEWEST_CHANGES, CERTAIN, LEAST, SPOILS, MOST = 5, 6.0, 2e-4, 1e-3, 0.05
+"""Changes from frame to frame, and times the usual unevenness of a motion; [m] by which poses jump with them, by which they
+spoil tosses, and by which they would if the body had been carried away meanwhile."""
+
+SMOOTH = 0.5
+"""Of a jump: so little a step after it differs from the one before it, where nothing strikes the body."""
+
+
+def disagreeing(evidence: Evidence) -> Finding | None:
+    """Cameras that see the body one after the other, at places that differ: it jumps when another one sees it."""
+    found = [_jumps(one) for one in evidence.recordings if len(one.parents) > 1]
+    changes, others = (np.concatenate(parts) for parts in zip(*found)) if found else (np.zeros(0), np.zeros(0))
+    if len(changes) < FEWEST_CHANGES or not len(others) or stamps.disagreeing(evidence) is not None:
+        return None
+    size = float(np.median(changes))
+    if size < max(LEAST, CERTAIN * float(np.median(others))):
+        return None
+    names = " and ".join(
+        f"'{name}'" for name in sorted(next(one.parents for one in evidence.recordings if len(one.parents) > 1))
+    )
+    what = f"poses jump by {1e3 * size:.2g} mm where they come from another one of {names}: cameras that disagree"
+    severity = Severity.FAULT if size > SPOILS or evidence.mostly_rejected else Severity.WARNING
+    remedy = f"calibrate where they are to each other, or {stamps.SEPARATE}"
+    return Finding(severity, what, remedy, other_poses=True)
+
+
+def _jumps(one: Recording) -> tuple[Array, Array]:
+    """By how much steps differ from those around them: steps to another frame amid smooth motion, and those within one [m]."""
+    changes, others = [np.zeros(0)], [np.zeros(0)]
+    for series in one.series:
+        _, own, measured = np.intersect1d(series.stamps_ns, one.measured.stamps_ns, return_indices=True)
+        names, moved = one.measured.frames[measured], np.diff(series.positions[own], axis=0)
+        if len(moved) < 3:
+            continue
+        other, even = names[1:] != names[:-1], np.diff(series.times[own]) < WIDEST_STEP * series.period
+        beside = ~other[:-2] & ~other[2:] & even[:-2] & even[1:-1] & even[2:]
+        sizes = np.linalg.norm(moved[1:-1] - 0.5 * (moved[:-2] + moved[2:]), axis=1)
+        smooth = (np.linalg.norm(moved[2:] - moved[:-2], axis=1) < SMOOTH * sizes) & (sizes < MOST)
+        changes.append(sizes[beside & other[1:-1] & smooth])
+        others.append(sizes[beside & ~other[1:-1]])
+    return np.concatenate(changes), np.concatenate(others)
 
 
 def board_is_not_found(evidence: Evidence) -> Finding | None:

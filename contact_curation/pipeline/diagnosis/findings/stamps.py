@@ -24,6 +24,8 @@ EVEN, MOSTLY = 0.25, 0.9
 FEWEST_CLOSED_UP, MOST_CLOSED_UP = 2, 0.05
 """Places at which frames are lost: fewer are no word worth; more, for each motion, are a fault."""
 
+SEPARATE = "record a topic for each camera, and choose by --topic"
+
 APART = "where they disagree, record a topic for each, and choose by --topic"
 
 WINDOW, STILL, CERTAIN = 8, 0.02, 6.0
@@ -51,7 +53,7 @@ def zero(evidence: Evidence) -> Finding | None:
 def out_of_order(evidence: Evidence) -> Finding | None:
     """Stamps that stand still or go back by less than a jump of the clock, and are no jitter; or log times that are late."""
     worst = 0.0
-    late = False
+    late, several = False, list[str]()
 
     def line(one: Recording) -> str:
         nonlocal worst, late
@@ -63,6 +65,10 @@ def out_of_order(evidence: Evidence) -> Finding | None:
             return ""
         worst = max(worst, left_out / len(steps))
         parts = [f"{still} of {len(steps)} header stamps stand still"] if still else []
+        if _of_several_at_once(one):
+            names = " and ".join(f"'{name}'" for name in sorted(one.parents))
+            parts = [f"{parts[0]}: poses in {names} have the same ones"]
+            several.append(one.name)
         farthest = -float(steps.min()) * 1e-9
         if not still and _even_in_order(one.measured.stamps_ns):
             late = True
@@ -78,7 +84,15 @@ def out_of_order(evidence: Evidence) -> Finding | None:
     remedy = "give every pose the time of its image, and publish each once"
     if late:
         remedy = f"write it anew in the order of header stamps; up to {1e-9 * OVERTAKEN_NS:g} s is corrected"
+    elif several:
+        remedy = SEPARATE
     return Finding(Severity.FAULT if worst > MOST_DISORDER else Severity.WARNING, of_recordings(evidence, found), remedy)
+
+
+def _of_several_at_once(one: Recording) -> bool:
+    """Whether what has the stamp of the pose before is mostly in another frame, as of two cameras."""
+    again = np.diff(one.measured.stamps_ns) == 0
+    return bool(again.any()) and float(np.mean((one.measured.frames[1:] != one.measured.frames[:-1])[again])) > MOSTLY
 
 
 def published_twice(evidence: Evidence) -> Finding | None:
@@ -141,7 +155,8 @@ def disagreeing(evidence: Evidence) -> Finding | None:
     place, turn = (float(np.median(size)) for size in apart)
     what = f"bodies that lie still move to and fro by {1e3 * place:.2g} mm and {np.degrees(turn):.2g} degrees"
     severity = Severity.FAULT if evidence.mostly_rejected else Severity.WARNING
-    return Finding(severity, f"{what} from frame to frame: two cameras that disagree?", "record a topic for each")
+    what = f"{what} from frame to frame: two cameras that disagree?"
+    return Finding(severity, what, "record a topic for each", other_poses=True)
 
 
 def _alternations(series: PoseSeries) -> tuple[Array, Array]:
