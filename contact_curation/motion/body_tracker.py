@@ -9,7 +9,7 @@ time, so that what comes out does not hang on the order in which topics arrive. 
 
 from collections import Counter, deque
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import dist, inf
 from typing import Any, NamedTuple, cast
 
@@ -60,6 +60,8 @@ class TrackerConfig:
         largest_speed: a pose further from the last one than this is a jump, no motion, and is left out [m/s].
         largest_spin: likewise for turns [rad/s].
         center_of_mass: the body's, in that frame [m]; poses come out with their origin there.
+        transforms_ahead: moving boards, cameras and robots are given where they are so much later than their stamps say, by
+            those of the body's poses; negative: earlier [s].
         recorded: poses of a recording wait for the board's first pose however late it was logged, as /tf_static may be.
     """
 
@@ -71,6 +73,7 @@ class TrackerConfig:
     largest_speed: float = inf
     largest_spin: float = inf
     center_of_mass: Vector = (0.0, 0.0, 0.0)
+    transforms_ahead: float = 0.0
     recorded: bool = False
 
     def __post_init__(self) -> None:
@@ -169,6 +172,7 @@ class BodyTracker:
         self.counts: Counter[str] = Counter()
         self._tree = FrameTree()
         self._moving = config.body_frame
+        self._ahead_ns = round(config.transforms_ahead * NANOSECONDS)
         center = ScalarPose(config.center_of_mass, IDENTITY.orientation_wxyz)
         self.center = center if marker == IDENTITY else compose(center, marker)
         self._waiting: deque[FramePose] = deque()
@@ -274,6 +278,8 @@ class BodyTracker:
         return jump + self._known()
 
     def _rig_measured(self, measured: FramePose) -> None:
+        if self._ahead_ns and not measured.static:
+            measured = replace(measured, stamp_ns=measured.stamp_ns + self._ahead_ns)
         link = self._tree.links.get(measured.child)
         if link is not None and not link.static and link.newest_ns - measured.stamp_ns > self.config.clock_jump * NANOSECONDS:
             self._tree.forget_after(measured.stamp_ns)

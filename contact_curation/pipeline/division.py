@@ -28,7 +28,7 @@ SHARE = re.compile(r"0?\.\d+", re.ASCII)
 LARGEST_FILE = 1 << 26
 """Bytes; a million ids take half of it."""
 
-OF_TOSSES = ("rig.", "segmenter.")
+OF_TOSSES = ("rig.", "segmenter.", "poses.transforms_ahead=")
 """Settings with which the same recording gives other tosses under the same ids."""
 
 HELD_OUT = "held out"

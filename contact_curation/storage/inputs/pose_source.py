@@ -6,6 +6,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from contact_curation.configs import ranged
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError, MissingTopicError, near_name
 from contact_curation.motion.body_tracker import TrackerConfig
@@ -48,6 +49,10 @@ class TypedTopic(NamedTuple):
     type: str
 
 
+MOST_AHEAD = 1.0
+"""Of transforms [s]: poses wait for no more."""
+
+
 @dataclass(frozen=True)
 class PoseTopicConfig:
     """Where the body's poses are; what is left empty is found.
@@ -65,6 +70,8 @@ class PoseTopicConfig:
         tags: requirements on a pose that is computed from tags.
         largest_speed: largest speed between two poses from tags; a faster one is a tracking outlier [m/s].
         largest_spin: largest angular speed between two poses from tags [rad/s].
+        transforms_ahead: transforms that move a camera or a board are ahead of poses with the same stamps by so much;
+            negative: behind [s].
     """
 
     topic: str = ""
@@ -77,10 +84,14 @@ class PoseTopicConfig:
     tags: TagPoseConfig = field(default_factory=TagPoseConfig)
     largest_speed: float = 10.0
     largest_spin: float = 60.0
+    transforms_ahead: float = ranged(0.0, -MOST_AHEAD, MOST_AHEAD)
 
     def __post_init__(self) -> None:
         if self.array_index < ONLY:
             raise InvalidValueError("array_index", self.array_index, "0 or more, or -1 for the only one")
+        if not abs(self.transforms_ahead) <= MOST_AHEAD:
+            expected = f"seconds from {-MOST_AHEAD:g} to {MOST_AHEAD:g}"
+            raise InvalidValueError("transforms_ahead", self.transforms_ahead, expected)
         for name in ("body_frame", "board_frame"):  # as the frames of messages
             object.__setattr__(self, name, frame_name(getattr(self, name)))
 
@@ -92,8 +103,14 @@ class PoseTopicConfig:
         """The frames of a body and a board as the tracker wants them; it looks for jumps in poses from tags alone."""
         speed, spin = (self.largest_speed, self.largest_spin) if self.tag_map else (inf, inf)
         x, y, z = body.center_of_mass.tolist()
-        frame = self.body_frame_of(body.name)
-        return TrackerConfig(frame, board_frame, largest_speed=speed, largest_spin=spin, center_of_mass=(x, y, z))
+        return TrackerConfig(
+            self.body_frame_of(body.name),
+            board_frame,
+            largest_speed=speed,
+            largest_spin=spin,
+            center_of_mass=(x, y, z),
+            transforms_ahead=self.transforms_ahead,
+        )
 
     def detections(self, body: str) -> TagDetections | None:
         """A reader of detections, to be used for one recording or node; None where poses come as such.

@@ -14,7 +14,9 @@ from contact_curation.motion.pose_stream import FramePose
 from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.bags.writer import BagWriter
+from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.inputs.pose_messages import POSE
+from contact_curation.storage.inputs.pose_source import PoseTopicConfig
 from test.storage.pose_recordings import message, transforms
 
 TRANSFORM_NS = 10_000_000
@@ -61,7 +63,12 @@ def test_transforms_that_are_out_of_step_are_named_and_no_wrong_body(lead: float
     assert named, found
     assert f"are {1e3 * abs(lead):.0f} ms {'ahead of' if lead > 0.0 else 'behind'} the poses" in named[0]
     assert found.ok or found.verdict == named[0]
-    assert not found.settings
+    assert found.settings.startswith("--set poses.transforms_ahead=")
+    poses = PoseTopicConfig(transforms_ahead=float(found.settings.partition("=")[2]))
+    assert poses.transforms_ahead == pytest.approx(lead, abs=5e-4)
+    mended = diagnose([tmp_path / "a.mcap"], ReadingConfig(CONTACTNETS_CUBE, InputsConfig(poses=poses)))
+    assert mended.ok
+    assert not any("transforms" in line for line in (mended.verdict, *mended.reasons)), mended
 
 
 def test_noisy_transforms_are_named_and_no_filter_behind_the_tracker(session: Session, tmp_path: Path) -> None:

@@ -20,8 +20,9 @@ def out_of_step(evidence: Evidence) -> Finding | None:
         f"{_moves(evidence, found.by_lead)}: the transforms that move it are {1e3 * abs(found.lead):.2g} ms {side} the poses "
         f"by their stamps ({found.rests} rests)"
     )
-    remedy = "stamp images and joints with the times at which they were taken, by one clock, or let it stand still"
-    return Finding(_severity(evidence, found.by_lead), what, remedy, other_poses=True)
+    setting = f"poses.transforms_ahead={evidence.config.inputs.poses.transforms_ahead + found.lead:.4f}"
+    remedy = f"say --set {setting}, or stamp images and joints with the times at which they were taken, by one clock"
+    return Finding(_severity(evidence, found.by_lead), what, remedy, settings=(setting,), other_poses=True)
 
 
 def misplaced(evidence: Evidence) -> Finding | None:
