@@ -14,7 +14,9 @@ from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose, int
 from contact_curation.motion.pose_stream import FramePose
 
 HISTORY = 2048
-"""Poses that a moving link remembers; the oldest half goes when it is full."""
+"""Poses that a moving link remembers; the oldest half goes when it is full, but for those of the last `KEPT_NS`."""
+KEPT_NS, MOST_KEPT = 5_000_000_000, 8 * HISTORY
+"""[ns] Body poses may come so late, and transforms at 1 kHz; so many poses stay at most."""
 APART = 0.5
 """Of the time between the two poses around it: nearer ones add their noise to an interpolated pose, and no bend."""
 
@@ -114,7 +116,10 @@ class FrameTree:
         if link.stamps_ns and frame_pose.stamp_ns <= link.newest_ns:
             return False
         if len(link.stamps_ns) >= history:
-            del link.stamps_ns[: -history // 2], link.poses[: -history // 2]
+            gone = len(link.stamps_ns) - history // 2
+            if HISTORY <= len(link.stamps_ns) < MOST_KEPT:
+                gone = min(gone, bisect_left(link.stamps_ns, frame_pose.stamp_ns - KEPT_NS))
+            del link.stamps_ns[:gone], link.poses[:gone]
         link.stamps_ns.append(frame_pose.stamp_ns)
         link.poses.append(pose)
         return True

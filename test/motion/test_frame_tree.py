@@ -3,7 +3,7 @@
 import pytest
 
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose, compose, inverse
-from contact_curation.motion.frame_tree import HISTORY, MOST_FRAMES, FrameTree, composed
+from contact_curation.motion.frame_tree import HISTORY, KEPT_NS, MOST_FRAMES, MOST_KEPT, FrameTree, composed
 from contact_curation.motion.pose_stream import FramePose
 from test.motion.streams import BOARD, yawed
 
@@ -86,10 +86,18 @@ def test_a_pose_that_is_not_newer_is_left_out() -> None:
 
 
 def test_a_history_is_bounded_and_keeps_the_newest() -> None:
-    known = tree(*(moving(stamp, at(float(stamp))) for stamp in range(3 * HISTORY)))
+    known = tree(*(moving(stamp * 10**7, at(float(stamp))) for stamp in range(3 * HISTORY)))
     link = known.links["camera"]
     assert HISTORY // 2 <= len(link.poses) == len(link.stamps_ns) <= HISTORY
-    assert link.newest_ns == 3 * HISTORY - 1
+    assert link.newest_ns == (3 * HISTORY - 1) * 10**7
+
+
+def test_transforms_at_a_kilohertz_are_kept_for_poses_that_come_late_and_bounded_nevertheless() -> None:
+    link = tree(*(moving(stamp * 10**6, at(0.0)) for stamp in range(4 * HISTORY))).links["camera"]
+    assert link.stamps_ns[0] <= link.newest_ns - KEPT_NS
+    assert len(link.stamps_ns) == len(link.poses) < 1.1e-6 * KEPT_NS
+    link = tree(*(moving(stamp, at(0.0)) for stamp in range(MOST_KEPT + HISTORY))).links["camera"]
+    assert len(link.stamps_ns) < MOST_KEPT
 
 
 def test_a_frame_that_gets_another_parent_starts_anew() -> None:
