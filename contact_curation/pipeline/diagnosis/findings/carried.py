@@ -3,7 +3,7 @@
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 
-WORTH, LARGEST = 1e-4, 1e-3
+WORTH, LARGEST = 1e-4, 5e-4
 """[m] Root mean square by which bodies that lie still move: less changes little, more is a fault."""
 
 OF_NOISE, NOISIEST = 2.0, 3e-4
