@@ -6,7 +6,8 @@ Each gate is a pure function of a toss and needs no model of friction or shape b
 gives one line per kind of fault, with the worst frame. With g gravity, dt the time from a frame to the next, and
 dv = v' - v + g dt e3 and dw = w' - w + I^-1 (w x I w) dt the velocity and spin that contact (and nothing else) has given:
 
-    impulse   dv_z >= -tol,  |dv_xy| <= mu_max max(dv_z, 0) + tol     a contact pushes up, within a generous friction cone
+    impulse   dv_z >= -tol,  |dv_xy| <= mu_max max(dv_z, 0) + tol     a contact pushes up, within a generous friction cone;
+                                                                      sideways also sums over up to 0.1 s
     airborne  |dv| <= a_max dt,  |dw| <= w_max                        no contact, no push and no twist
     twist     |dw_a| <= lever_a |J| / m + w_tol                       no push, no twist: I dw = r x J at a vertex r (`scales`)
     energy    |v'|^2/2 + g z' <= |v|^2/2 + g z + e_tol                no contact, no work
@@ -49,6 +50,9 @@ from contact_curation.motion.toss import NANOSECONDS, Toss
 
 ON_A_LINE = 0.05
 """A triangle with a smaller share of a face's largest area."""
+
+PUSHING = 0.1
+"""[s] Impulses are summed over up to so long: what noise does to velocities does not add up, but a tilt of the board does."""
 
 REST_FRAMES, ROCKING_FRAMES = 5, 9
 """The last ones, over which a body at rest at the end is slow, and tilts no more; of the latter more over 150 a second."""
@@ -200,10 +204,20 @@ def impulse_gate(steps: Steps, bounds: GateBounds) -> str:
 
 
 def cone_gate(steps: Steps, bounds: GateBounds) -> str:
-    """Checks that contact impulses stay within the friction cone."""
-    sideways = quaternions.lengths(steps.contact_velocities[:, :2])
-    outside = sideways - bounds.largest_friction * np.maximum(steps.contact_velocities[:, 2], 0.0)
+    """Checks that contact impulses stay in the friction cone, and so do their sums on the board: a hand takes its time."""
+    outside = _outside_cone(steps.contact_velocities, bounds)
+    on_board = np.where(steps.airborne[:, np.newaxis], 0.0, steps.contact_velocities)
+    given = np.concatenate([np.zeros((1, 3)), np.cumsum(on_board, axis=0)])
+    for count in range(2, min(round(PUSHING / steps.toss.frame_period), len(steps.dt)) + 1):
+        of_sums = _outside_cone(given[count:] - given[:-count], bounds)
+        outside[count - 1 :] = np.maximum(outside[count - 1 :], of_sums)
     return _worst("impulse outside the friction cone", outside, impulse_bound(steps, bounds), "m/s")
+
+
+def _outside_cone(gained: Array, bounds: GateBounds) -> Array:
+    """(N,) how far velocities (N, 3) that contact has given are outside [m/s]."""
+    sideways = quaternions.lengths(gained[:, :2])
+    return np.asarray(sideways - bounds.largest_friction * np.maximum(gained[:, 2], 0.0))
 
 
 def impulse_bound(steps: Steps, bounds: GateBounds) -> float:

@@ -30,7 +30,7 @@ HINTS = {
     "change of spin in the air": FLIPPED,
     "change of spin beyond what a contact's impulse gives": FLIPPED,
     "impulse that pulls down": "are poses lost, held or made up at impacts? publish nothing where the body is not seen",
-    "impulse outside the friction cone": "more friction than described? give --friction",
+    "impulse outside the friction cone": "more friction than described (give --friction), or do walls, hands, cables push?",
     "tilt at rest": "is the board tilted?",
     "height at rest": "board height or body size off?",
 }
