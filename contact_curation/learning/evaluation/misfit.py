@@ -41,6 +41,9 @@ NOISY = 3.0
 VARYING = 0.1
 """Standard deviation of frictions over tosses, relative to their median: the real cube's is 0.05."""
 
+NAMED = 5
+"""Tosses that a line names, at most."""
+
 SLIDING = 0.6
 """Share of the frames in which a body moves on the board whose contacts use up their friction. Where it is less, a fit learns a
 friction that is 8 to 42 % too low (`benchmarks.learning.misfit_words`)."""
@@ -114,6 +117,18 @@ def variation_in_words(found: Sliding | None) -> str:
         return ""
     low, high = np.percentile(found.friction, [10, 90])
     return f"friction varies between tosses: {low:.2f} to {high:.2f} in 8 of 10 tosses ({len(found.friction)} slid)"
+
+
+def slides_apart_in_words(found: Sliding | None) -> str:
+    """Which tosses do not slide as the others do, if some do not; else empty."""
+    if found is None or not found.apart.any():
+        return ""
+    apart = sorted(np.flatnonzero(found.apart).tolist(), key=lambda at: -abs(found.friction[at] - found.median))
+    named = ", ".join(f"{found.toss_ids[at]} ({found.friction[at]:.2f})" for at in apart[:NAMED])
+    return (
+        f"some tosses slide otherwise: {len(apart)} of {len(found.friction)} that slid slow down by another friction than the "
+        f"{found.median:.2f} of the others: {named}{', ...' if len(apart) > NAMED else ''}"
+    )
 
 
 def sliding_of(tosses: Sequence[Toss], body: Body) -> Sliding | None:
@@ -241,6 +256,7 @@ def misfits(tosses: Sequence[Toss], body: Body, geometry: ContactGeometry | None
         bounce,
         softness_in_words(tosses, body),
         variation_in_words(slid),
+        slides_apart_in_words(slid),
         "" if bounce else sticking_in_words(data, geometry, body, slid),
     )
     return tuple(line for line in lines if line)

@@ -33,6 +33,15 @@ def test_frames_in_the_air_before_it_slides_do_not_lower_its_friction() -> None:
     assert found.friction == pytest.approx([FRICTION], rel=0.02)
 
 
+def test_no_real_toss_slides_otherwise_than_the_others(real_tosses: list[Toss]) -> None:
+    found = sliding(real_tosses, RADIUS, GRAVITY)
+    off = np.abs(found.friction - found.median)
+    assert len(found.friction) == 528
+    assert not found.apart.any()
+    assert (off / found.median).max() < 0.23
+    assert (off / np.hypot(found.scatter, found.error)).max() < 4.0
+
+
 @pytest.mark.parametrize("count", [5, 8, 16])
 def test_the_interval_of_a_median_of_few_tosses_holds_the_truth_in_95_of_100(count: int) -> None:
     drawn = FRICTION + 0.02 * np.random.default_rng(count).standard_normal((2000, count))

@@ -26,7 +26,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.motion.transitions import transitions_of
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
-from contact_curation.pipeline.diagnosis.findings.contact import bounces, friction, friction_varies, gives_way
+from contact_curation.pipeline.diagnosis.findings.contact import bounces, friction, friction_varies, gives_way, slides_apart
 from contact_curation.pipeline.diagnosis.findings.facts import identifiable
 from contact_curation.pipeline.diagnosis.findings.smoothing import smoothed
 from contact_curation.pipeline.diagnosis.recording import Recording
@@ -106,6 +106,20 @@ def test_friction_that_varies_between_tosses_is_said_to_and_one_that_does_not_is
     assert found.what.startswith("friction varies between tosses: 0.1")
     assert friction_varies(seen(thrown())) is None
     assert friction_varies(seen(thrown(restitution=0.3))) is None
+
+
+def test_a_toss_that_slides_otherwise_than_the_others_is_named() -> None:
+    """Such as one that a cable holds back, among 30: the median and its scatter do not show it."""
+    rough = replace(ContactGeometry.of_body(CUBE).rigid(), tangents=2.0 * CUBE.friction * np.eye(2, 3))
+    held = tuple(replace(simulated_tosses(1, seed, geometry=rough)[0], toss_id=f"held-{seed}") for seed in range(3))
+    found = slides_apart(seen((*thrown(), *held)))
+    assert found is not None
+    assert found.severity == Severity.WARNING
+    assert {word for word in found.what.split() if "-" in word} <= {f"held-{seed}" for seed in range(3)}
+    assert "held-" in found.what
+    assert friction_varies(seen((*thrown(), *held))) is None
+    assert slides_apart(seen(thrown())) is None
+    assert slides_apart(seen(thrown(restitution=0.3))) is None
 
 
 def test_the_sliding_friction_is_that_of_the_world_and_stands_beside_the_described_one() -> None:

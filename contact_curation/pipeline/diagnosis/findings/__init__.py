@@ -85,6 +85,7 @@ FINDINGS: tuple[Find, ...] = (
     tosses.few,
     contact.gives_way,
     contact.friction_varies,
+    contact.slides_apart,
     contact.bounces,
     reading.lost,
     reading.not_whole,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contact_curation.learning.evaluation.misfit import variation_in_words
+from contact_curation.learning.evaluation.misfit import slides_apart_in_words, variation_in_words
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.wording import counted_tosses
@@ -28,6 +28,13 @@ def friction_varies(evidence: Evidence) -> Finding | None:
     """Frictions that differ between tosses."""
     seen = variation_in_words(evidence.sliding)
     mend = "clean body and board; one coefficient describes their mean only"
+    return Finding(Severity.WARNING, seen, mend) if seen else None
+
+
+def slides_apart(evidence: Evidence) -> Finding | None:
+    """Tosses that do not slide as the others do."""
+    seen = slides_apart_in_words(evidence.sliding)
+    mend = "did a hand, a cable or another object push, did the board move, or is it of two materials? leave such tosses out"
     return Finding(Severity.WARNING, seen, mend) if seen else None
 
 
