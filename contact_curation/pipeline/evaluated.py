@@ -15,7 +15,7 @@ from contact_curation.geometry.quaternions import Array
 from contact_curation.information.impacts import as_described
 from contact_curation.learning.evaluation.bootstrap import BootstrapConfig, Interval, Spread
 from contact_curation.learning.evaluation.evaluation import MEASURES, ModelEvaluation, Summary, comparison, summary
-from contact_curation.learning.evaluation.misfit import sliding_in_words, sliding_of, sticking_in_words
+from contact_curation.learning.evaluation.misfit import slides_apart_in_words, sliding_in_words, sliding_of, sticking_in_words
 from contact_curation.learning.evaluation.without_model import doubt, plain_errors
 from contact_curation.learning.uncertainty.bounce import Bounce
 from contact_curation.learning.uncertainty.more_throws import MoreThrows
@@ -201,6 +201,8 @@ def _lines(report: Evaluation) -> Iterator[str]:
     yield from ("", _without_model(report))
     if report.bounce and report.bounce.missing:
         yield f"careful: {report.bounce.in_words()}"
+    if apart := slides_apart_in_words(report.sliding):
+        yield f"careful: {apart}"
     yield ""
     if report.known:
         if doubt(report.evaluations[0], report.models[0].body):

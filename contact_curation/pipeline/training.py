@@ -20,7 +20,7 @@ from contact_curation.errors import ContactCurationError, InvalidValueError, Unk
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.checkpoints.stored_model import notes_of_bytes
-from contact_curation.learning.evaluation.misfit import sliding_of, sticking_in_words
+from contact_curation.learning.evaluation.misfit import slides_apart_in_words, sliding_of, sticking_in_words
 from contact_curation.learning.training.curated import CuratedTraining
 from contact_curation.learning.training.data import rows_of
 from contact_curation.learning.training.objective import mean_loss
@@ -240,6 +240,10 @@ class TrainingRun:
         model = self.curated.training.trained()
         slid = sliding_of(self.plan.tosses, model.body)
         return sticking_in_words(self.curated.training.data, model.geometry(), model.body, slid)
+
+    def sliding_apart(self) -> str:
+        """Which tosses do not slide as the others do; empty for none."""
+        return slides_apart_in_words(sliding_of(self.plan.tosses, self.curated.training.trained().body))
 
     def more_throws(self) -> MoreThrows | None:
         """How far as many throws again would change predicted motions, of the held-out tosses if there are any."""

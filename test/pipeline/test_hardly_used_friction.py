@@ -1,4 +1,4 @@
-"""A friction that tosses hardly use up: said wherever a model is learned from them, and nowhere else."""
+"""A friction that tosses hardly use up, or not alike: said wherever a model is learned from them, and nowhere else."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
 from contact_curation.contact.geometry_parameters import ContactGeometry
 from contact_curation.learning.uncertainty.bounce import Bounce
 from contact_curation.learning.uncertainty.parameters import Known, KnownParameter
-from test.simulated import simulated_tosses
+from test.simulated import RIG_NOISE, simulated_tosses
 
 SAID = "friction hardly used up"
 
@@ -33,6 +33,16 @@ def test_train_and_evaluate_say_it(friction: float, said: bool) -> None:
         found = KnownParameter("friction", "", 0.5, 0.0, 0.0, 0.0, 0.0, interval=0.5 * share)
         known = Known((found,), (), 1.0, 28, 0.0, len(tosses), 0)
         assert replace(report, known=known).sticking_misfit.startswith(SAID) is heard
+
+
+def test_train_and_evaluate_name_tosses_that_slide_otherwise() -> None:
+    rough = replace(ContactGeometry.of_body(CUBE).rigid(), tangents=2.0 * CUBE.friction * np.eye(2, 3))
+    held = tuple(replace(simulated_tosses(1, seed, geometry=rough)[0], toss_id=f"held-{seed}") for seed in range(3))
+    for more, said in ((held, True), ((), False)):
+        tosses = cc.Tosses.of((*simulated_tosses(16, 1, RIG_NOISE), *more), CUBE)
+        model = cc.train(tosses, steps=1)
+        assert any(line.startswith("some tosses slide otherwise") for line in model.warnings) is said
+        assert ("careful: some tosses slide otherwise" in str(cc.evaluate(model, tosses))) is said
 
 
 def test_a_model_that_is_no_optimum_is_not_blamed_for_its_friction() -> None:

@@ -83,7 +83,7 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "checkpoint": str(report.checkpoint),
         "metrics": str(report.metrics),
         "next": report.next_command,
-        "warnings": report.tosses.warnings,
+        "warnings": [*report.tosses.warnings, *filter(None, (report.run.sliding_apart(),))],
     }
 
 
@@ -111,7 +111,7 @@ def print_report(report: TrainReport) -> None:
         print(f"restitution {report.restitution:.2f}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
-    for line in filter(None, (report.misfit, report.displaced)):
+    for line in filter(None, (report.misfit, report.displaced, report.run.sliding_apart())):
         print(f"careful: {line}")
     _print_selections(report.run.curated.selections)
     if report.more_throws:
