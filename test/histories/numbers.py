@@ -197,6 +197,9 @@ class ScriptedTraining:
     def trained(self) -> ThetaModel:
         return self.model
 
+    def displaced(self) -> str:
+        return ""
+
 
 class ScriptedDesigner:
     """As much of a designer as its stage asks for: it explores until two tosses are known at a theta."""
