@@ -1,6 +1,7 @@
 """What `check` says of recordings by a camera that an arm moves, and by several cameras."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,17 @@ def test_cameras_that_disagree_are_named_and_no_noise(sees: Callable[[int], str]
     sound = by_two(tmp_path / "b.mcap", session, sees)
     assert sound.ok
     assert not any("poses jump" in line for line in (sound.verdict, *sound.reasons))
+
+
+def test_noise_in_flight_is_no_disagreement_of_cameras_that_take_over_there(session: Session, tmp_path: Path) -> None:
+    """As motion blur, or header stamps that jitter by a fraction of a millisecond, make it."""
+    steps = np.linalg.norm(np.diff(session.poses[:, :3], axis=0, prepend=session.poses[:1, :3]), axis=1)
+    flying = steps > 0.5 / 148.0
+    noise = np.where(flying, 5e-4, 0.0)[:, np.newaxis] * np.random.default_rng(0).standard_normal((len(flying), 3))
+    blurred = replace(session, poses=session.poses + np.pad(noise, [(0, 0), (0, 4)]))
+    turns = np.cumsum(flying) // 7
+    found = by_two(tmp_path / "a.mcap", blurred, lambda frame: "ab"[turns[frame] % 2])
+    assert not any("poses jump" in line for line in (found.verdict, *found.reasons)), found
 
 
 def test_two_cameras_with_the_same_stamps_are_named_as_two(session: Session, tmp_path: Path) -> None:

@@ -25,6 +25,9 @@ spoil tosses, and by which they would if the body had been carried away meanwhil
 SMOOTH = 0.5
 """Of a jump: so little a step after it differs from the one before it, where nothing strikes the body."""
 
+NEARBY = 0.1
+"""[s] Jumps are compared with steps so near in time: poses scatter more in flight, where cameras take over, than at rest."""
+
 
 def disagreeing(evidence: Evidence) -> Finding | None:
     """Cameras that see the body one after the other, at places that differ: it jumps when another one sees it."""
@@ -45,7 +48,7 @@ def disagreeing(evidence: Evidence) -> Finding | None:
 
 
 def _jumps(one: Recording) -> tuple[Array, Array]:
-    """By how much steps differ from those around them: steps to another frame amid smooth motion, and those within one [m]."""
+    """By how much steps differ from those around them: steps to another frame amid smooth motion, and those near them [m]."""
     changes, others = [np.zeros(0)], [np.zeros(0)]
     for series in one.series:
         _, own, measured = np.intersect1d(series.stamps_ns, one.measured.stamps_ns, return_indices=True)
@@ -53,11 +56,13 @@ def _jumps(one: Recording) -> tuple[Array, Array]:
         if len(moved) < 3:
             continue
         other, even = names[1:] != names[:-1], np.diff(series.times[own]) < WIDEST_STEP * series.period
+        reach = round(NEARBY / series.period)
+        near = np.convolve(other, np.ones(2 * reach + 1))[reach : reach + len(other)] > 0.5
         beside = ~other[:-2] & ~other[2:] & even[:-2] & even[1:-1] & even[2:]
         sizes = np.linalg.norm(moved[1:-1] - 0.5 * (moved[:-2] + moved[2:]), axis=1)
         smooth = (np.linalg.norm(moved[2:] - moved[:-2], axis=1) < SMOOTH * sizes) & (sizes < MOST)
         changes.append(sizes[beside & other[1:-1] & smooth])
-        others.append(sizes[beside & ~other[1:-1]])
+        others.append(sizes[beside & ~other[1:-1] & near[1:-1]])
     return np.concatenate(changes), np.concatenate(others)
 
 
