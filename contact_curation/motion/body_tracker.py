@@ -231,6 +231,12 @@ class BodyTracker:
         """Ends the stream: body poses that still wait are given up."""
         return self._counted(self._last_look("the stream ended"))
 
+    @property
+    def size(self) -> int:
+        """Poses in a `snapshot`."""
+        links, needed = self._tree.links, self.needed_frames
+        return len(self._waiting) + sum(len(link.poses) for child, link in links.items() if link.static or child in needed)
+
     def snapshot(self) -> dict[str, Any]:
         """The state as plain numbers, lists and names, which JSON keeps exactly, without moving frames that are not needed."""
         needed, last = self.needed_frames, self._last_pose

@@ -137,6 +137,11 @@ class TossIngest:
         """Frames whose moving poses may change a pose of the body."""
         return self._tracker.needed_frames
 
+    @property
+    def size(self) -> int:
+        """Poses of the rig in a `snapshot`: most of it where an arm moves."""
+        return self._tracker.size
+
     def push(self, measured: FramePose | BadPose) -> tuple[IngestEvent, ...]:
         """Takes in a measurement of the body or the rig; gives what became complete, in order."""
         return tuple(self._followed(self._tracker.push(measured)))

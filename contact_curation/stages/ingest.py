@@ -19,7 +19,8 @@ from contact_curation.storage.provenance import TossProvenance
 from contact_curation.storage.stores.tosses import JournalPose, StoredRejected, StoredToss, TossStore
 
 JOURNAL_LENGTH = 512
-"""Measurements after which the state is saved and the journal emptied, at the next one that is of no toss and ends none."""
+"""Measurements after which the state is saved and the journal emptied, at the next one that is of no toss and ends none. A
+state of more poses is saved after as many measurements as it has poses, or to save it takes longer than they take to come."""
 
 LONGEST_JOURNAL = 8192
 """The same, toss or not."""
@@ -88,6 +89,7 @@ class IngestJournal:
         self._provenance = TossProvenance(topic=topic)
         self._newest: dict[str, int] = {}
         self._journaled = 0
+        self._saved = 0
         self._last = 0
         self.others = 0
         self._restore()
@@ -114,7 +116,8 @@ class IngestJournal:
             self._write_down([one for one in measured if one.static or one.child in needed])
             happened = self._stored(events)
             ended = bool(happened.tosses or happened.rejected)  # whoever waits for these waits for no snapshot
-            if needed != before or self._journaled >= (LONGEST_JOURNAL if ended or self._ingest.tossing else JOURNAL_LENGTH):
+            longest = LONGEST_JOURNAL if ended or self._ingest.tossing else JOURNAL_LENGTH
+            if needed != before or self._journaled >= max(longest, self._saved):
                 self._save()  # if needed: the state has what these frames did before they were needed
         if ended:
             self._store.reach_disk()
@@ -157,7 +160,7 @@ class IngestJournal:
     def _save(self) -> None:
         self._keep(IngestSnapshot(self._configuration, self._last, self._ingest.snapshot()))
         self._store.trim_poses(self._last)
-        self._journaled = 0
+        self._journaled, self._saved = 0, self._ingest.size
 
     def _restore(self) -> None:
         """Takes up where an earlier run stopped; the tosses that come out once more are in the store already."""

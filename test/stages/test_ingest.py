@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from contact_curation.geometry.scalars import IDENTITY, ScalarPose
+from contact_curation.motion.ingest import TossIngest
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.stages.ingest import Arrival, IngestJournal
 from contact_curation.stages.records import IngestSnapshot, load_record
@@ -85,6 +86,25 @@ def test_a_toss_waits_for_no_snapshot(golden_bag: Path, tmp_path: Path, monkeypa
         assert not (changed and (happened.tosses or happened.rejected))
     assert saved > 100
     assert store.last_sequence > 3
+    store.close()
+
+
+def test_the_larger_a_state_is_the_more_seldom_it_is_saved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each save writes all remembered transforms: with an arm at 500 Hz, saves took longer than measurements to come."""
+    monkeypatch.setattr("contact_curation.stages.ingest.JOURNAL_LENGTH", 16)
+    saved, snapshot = list[int](), TossIngest.snapshot
+
+    def counted(ingest: TossIngest) -> dict[str, object]:
+        saved.append(ingest.size)
+        return snapshot(ingest)
+
+    monkeypatch.setattr(TossIngest, "snapshot", counted)
+    store, journal = open_journal(tmp_path / "store")
+    moving = [FramePose(2_000_000 * k, "world", "body_surface", IDENTITY) for k in range(2000)]
+    for batch in batched(arrivals_of(tuple(moving)), 8):
+        journal.take(list(batch))
+    assert len(saved) > 3
+    assert sum(saved) < 3 * len(moving)
     store.close()
 
 
