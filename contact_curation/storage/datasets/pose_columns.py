@@ -56,7 +56,7 @@ UNITS_OF_LENGTH = {
 
 UNITS = {*UNITS_OF_TIME, *UNITS_OF_ANGLE, *UNITS_OF_LENGTH}
 SURE_UNITS = {unit for unit in UNITS_OF_LENGTH if unit in ("mm", "cm", "um") or re.match("(mill|cent|dec)i|micro", unit)}
-"""Of lengths, wherever they stand in a name, `position_mm.x`: nothing else is called so."""
+"""Of lengths, wherever they stand in a name, `position_mm.x`; but in front cm is the centre of mass, `cm_pos_x`."""
 
 IDENTIFIER = re.compile(r"\b[0-9A-Fa-f]{8,}(-[0-9A-Fa-f]{4,})*\b")
 """Of a body, as Motive writes: no words."""
@@ -190,7 +190,8 @@ def _told(name: str, *, angles: bool = False) -> _Name:
     words = words_of(name)
     if len(words) > 1 and (words[-1] in UNITS_OF_LENGTH or words[-1] in UNITS_OF_ANGLE):
         del words[-1]
-    words = [word for word in words if word not in SURE_UNITS]
+    units = _sure_units(words)
+    words = [word for word in words if word not in units]
     letters = [word for word in words if not word.isdigit()]
     if not letters or set(letters) & OTHER_WORDS:
         return _Name("")
@@ -227,8 +228,12 @@ def _unit(name: str) -> str:
     """The unit of a column: in the last brackets that hold one, else the name's last word, or one of `SURE_UNITS`."""
     bracketed = [one.lower() for one in re.findall(r"[\[(]\s*(\w+|°)\s*[\])]", _with_micro(name))]
     words = words_of(name) or [""]
-    told = [one for one in bracketed if one in UNITS] or [one for one in words if one in SURE_UNITS] or words
+    told = [one for one in bracketed if one in UNITS] or _sure_units(words) or words
     return told[-1]
+
+
+def _sure_units(words: Sequence[str]) -> list[str]:
+    return [word for at, word in enumerate(words) if word in SURE_UNITS and (at or word != "cm")]
 
 
 def _with_micro(name: str) -> str:

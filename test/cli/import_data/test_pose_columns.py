@@ -26,6 +26,7 @@ NAMED = {
     "t,cube_x,cube_y,cube_z,cube_qx,cube_qy,cube_qz,cube_qw": 1.0,
     "t,position_mm.x,position_mm.y,position_mm.z,qx,qy,qz,qw": 1e-3,
     "t,pos_cm_x,pos_cm_y,pos_cm_z,qx,qy,qz,qw": 1e-2,
+    "t,cm_pos_x,cm_pos_y,cm_pos_z,cm_qx,cm_qy,cm_qz,cm_qw": 1.0,
     "t,foot_x,foot_y,foot_z,foot_qx,foot_qy,foot_qz,foot_qw": 1.0,
 }
 
