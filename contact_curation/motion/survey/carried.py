@@ -24,6 +24,9 @@ from contact_curation.motion.survey.series import PoseSeries
 HALF, EDGE, LEAST = 0.04, 0.06, 0.3
 """[s] Speeds are taken over twice the first; ends of a rest are left out by the second; so long is the shortest rest."""
 
+LEAST_FRAMES = 3
+"""A rest has more, for third differences."""
+
 SLOW, SLOW_TURN, SHARE = 0.1, 1.0, 0.25
 """[m/s, rad/s] Bodies that lie still seem to move more slowly, or, where transforms are far off, by less than this share of how
 fast the carrier moves there."""
@@ -186,7 +189,7 @@ def _still(one: Carried, share: float) -> list[_Still]:
     edge, found = round(EDGE / period), []
     for first, stop in zip(edges[::2] + edge, edges[1::2] - edge):
         within = middle[first:stop]
-        if (stop - first) * period > LEAST:
+        if (stop - first) * period > LEAST and stop - first > LEAST_FRAMES:
             turned = np.stack([np.einsum("nij,nj->ni", turns[within], np.cross(axis, seen[within])) for axis in np.eye(3)], 2)
             rows = np.concatenate([velocities[first:stop, :, np.newaxis], turns[within], turned], 2)
             found.append(_Still(period, places[within], seen[within], rows))

@@ -96,3 +96,9 @@ def test_noise_of_transforms_is_told_from_that_of_poses(moves: Callable[[Array],
     assert quiet.on_board == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.2)
     assert noisy.in_carrier == pytest.approx(np.sqrt(3.0) * NOISE, rel=0.5)
     assert noisy.on_board == pytest.approx(np.sqrt(3.0) * 2e-4, rel=0.3)
+
+
+def test_rests_of_so_few_poses_that_noise_cannot_be_seen_tell_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"{__name__}.RATE", 4.0)
+    monkeypatch.setattr(f"{__name__}.REST", 1.2)
+    assert scatter(measured(swaying)) is None
