@@ -95,6 +95,14 @@ def test_times_by_a_wrong_rate_are_neither_another_unit_nor_a_body_that_was_carr
     assert not any("feet" in line or "never let go" in line for line in found.reasons)
 
 
+@pytest.mark.parametrize(("times", "said"), [(1.6, "1.6 times too long"), (0.5, "2 times too short")])
+def test_lengths_by_tags_of_another_size_are_not_said_to_be_times(
+    session: Session, tmp_path: Path, times: float, said: str
+) -> None:
+    write(tmp_path / "a.mcap", session.moved(lambda positions: times * positions))
+    assert f", or lengths {said}: " in diagnosed(tmp_path / "a.mcap", BY_NAME["sound"]).verdict
+
+
 def test_a_tracker_that_sees_positions_alone_is_named(session: Session, tmp_path: Path) -> None:
     poses = session.poses.copy()
     poses[:, 3:] = [1.0, 0.0, 0.0, 0.0]

@@ -58,7 +58,7 @@ def other_axis(evidence: Evidence) -> Finding | None:
 
 
 def other_clock(evidence: Evidence) -> Finding | None:
-    """Bodies that fall alike and are stopped by impacts, but with gravity in no unit: times by a wrong rate."""
+    """Bodies that fall alike and are stopped by impacts, but with gravity in no unit: times by a wrong rate, or lengths."""
     if evidence.fall is not None or evidence.gravity is None or evidence.is_too_noisy:
         return None
     throws, size = evidence.survey.throws, float(np.linalg.norm(evidence.gravity))
@@ -66,10 +66,12 @@ def other_clock(evidence: Evidence) -> Finding | None:
     alike = sum(one < ALIKE * size for one in off)
     if alike < max(FEWEST_ALIKE, 0.5 * len(throws)) or _hardest_of(evidence) < _struck(evidence, size):
         return None
-    times = np.sqrt(size / evidence.body.gravity)
-    how = f"about {times:.2g} times too short" if times > 1.0 else f"about {1.0 / times:.2g} times too long"
-    what = f"bodies fall at {size:.3g} per s^2, which is gravity in no unit, expected {evidence.body.gravity:g} m/s^2"
-    return Finding(Severity.FAULT, f"{what}: in metres, times are {how}", "give the true times, or the tracker's true rate")
+    lengths = size / evidence.body.gravity
+    by = f"{max(lengths, 1.0 / lengths) ** 0.5:.2g} times", f"{max(lengths, 1.0 / lengths):.2g} times"
+    times, longer = ("short", "long") if lengths > 1.0 else ("long", "short")
+    either = f"times are about {by[0]} too {times}, or lengths {by[1]} too {longer}"
+    what = f"bodies fall at {size:.3g} per s^2, which is gravity in no unit, expected {evidence.body.gravity:g} m/s^2: {either}"
+    return Finding(Severity.FAULT, what, "give the true times or the tracker's true rate, or the true size of its markers")
 
 
 def no_fall(evidence: Evidence) -> Finding | None:
