@@ -27,6 +27,7 @@ from contact_curation.storage.export.selected import (
 from contact_curation.storage.inputs.inputs import InputsConfig, is_contactnets
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
+from contact_curation.storage.provenance import SeenToss
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +139,8 @@ def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unhear
     Raises:
         InvalidValueError: one of them is in no input.
     """
-    read = read_tosses(_ranked_first(job), replace(job.reading, inputs=inputs), advance=advance, only=job.rows)
+    reading = replace(job.reading, inputs=inputs)
+    read = read_tosses(job.inputs, reading, advance=advance, only=job.rows, counts=_ranked(job))
     outcomes = {**read.by_id, **{one.toss.toss_id: one.toss for one in read.rejected}}
     check_all_found(job.rows, outcomes, job.manifest_path, read.warnings)
     tosses = tuple(SelectedToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
@@ -147,12 +149,15 @@ def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unhear
     return SelectedTosses(tosses, (*read.warnings, *changed, *otherwise))
 
 
-def _ranked_first(job: ExportJob) -> tuple[Path, ...]:
-    """The inputs, those first whose bytes were ranked: of tosses with the same id the first one counts."""
-    if len(job.inputs) == 1:
-        return job.inputs
-    ranked = {row.input_sha256 for row in job.rows.values()}
-    return tuple(sorted(job.inputs, key=lambda path: ranked.isdisjoint(_digests(path))))
+def _ranked(job: ExportJob) -> Callable[[SeenToss], bool]:
+    """Whether a toss of an input may be the selected one of its id: not where another input has the bytes that were ranked."""
+    digests = {digest for path in job.inputs for digest in _digests(path)} if len(job.inputs) > 1 else set()
+
+    def may_be(seen: SeenToss) -> bool:
+        row = job.rows.get(seen.toss_id)
+        return row is None or row.input_sha256 == seen.origin.input_sha256 or row.input_sha256 not in digests
+
+    return may_be
 
 
 def _digests(path: Path) -> set[str]:

@@ -5,7 +5,7 @@ streams instead (`pipeline.scoring`, `score`) keeps only what it saw, and merges
 """
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from os import PathLike, fspath
@@ -236,7 +236,12 @@ class Tosses:
 
 
 def read_tosses(
-    paths: Sequence[Path], config: ReadingConfig, jobs: int = 1, advance: Advance = unheard, only: Collection[str] | None = None
+    paths: Sequence[Path],
+    config: ReadingConfig,
+    jobs: int = 1,
+    advance: Advance = unheard,
+    only: Collection[str] | None = None,
+    counts: Callable[[SeenToss], bool] = lambda _: True,
 ) -> Tosses:
     """Reads recordings.
 
@@ -246,6 +251,7 @@ def read_tosses(
         jobs: how many processes.
         advance: told how many tosses more were read.
         only: ids of the tosses whose frames are wanted; None for all.
+        counts: whether a toss is looked at, or is as if it were not there.
     """
     once, readings, warnings = EachOnce(), list[Reading](), list[str]()
     outcomes: list[dict[str, Toss | Rejected]] = []
@@ -253,7 +259,7 @@ def read_tosses(
     for own, reading in each(partial(_read, config, wanted), paths, jobs, advance):
         outcomes.append(own)
         readings.append(reading)
-        warnings += (*reading.warnings, *once.add(reading))
+        warnings += (*reading.warnings, *once.add(replace(reading, seen=tuple(filter(counts, reading.seen)))))
     found = [outcomes[one.recording].get(toss_id) for toss_id, one in once.taken.items()]
     accepted = tuple(one for one in found if isinstance(one, Toss))
     rejected = tuple(one for one in found if isinstance(one, Rejected))

@@ -122,6 +122,20 @@ def test_of_tosses_with_one_id_the_ranked_one_is_exported_whatever_the_order_of_
     assert digests(tmp_path / "out" / "tosses_processed").popitem()[1] == digests(ranked).popitem()[1]
 
 
+def test_so_it_is_where_each_input_was_ranked_for_another_toss(cli: Cli, tmp_path: Path) -> None:
+    first, second, manifest = tmp_path / "first", tmp_path / "second", tmp_path / "m.csv"
+    for folder, other, height in ((first, 17, 0.25), (second, 18, 0.2)):
+        folder.mkdir()
+        save_contactnets(folder, 16, synthetic_toss(height + 0.02))
+        save_contactnets(folder, other, synthetic_toss(height))
+    cli("rank", first, second, "--out", manifest, "--no-figure")
+    done = cli("export", second, first, "--manifest", manifest, "--format", "contactnets", "--out", tmp_path / "out")
+    assert done.status == 0
+    assert "its bytes are not those" not in done.err
+    exported = set(digests(tmp_path / "out" / "tosses_processed").values())
+    assert exported == {*digests(first).values(), digests(second)[str(second / "18.pt")]}
+
+
 def test_recordings_of_one_name_do_not_take_each_others_place(tmp_path: Path) -> None:
     (tmp_path / "c" / "run.v2").mkdir(parents=True)
     paths = [Path("a/run.mcap"), Path("b/run.bag"), Path("run.db3"), Path("run-2.mcap"), tmp_path / "c" / "run.v2"]
