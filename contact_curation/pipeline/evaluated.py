@@ -155,7 +155,7 @@ class Evaluation:
             "without_a_model": {
                 name: errors._asdict() for name, errors in plain_errors(self.evaluations[0], self.models[0].body).items()
             },
-            "warnings": self.tosses.warnings,
+            "warnings": [*self.tosses.warnings, *filter(None, (slides_apart_in_words(self.sliding),))],
         }
 
     def save_figure(self, path: str | Path, *, overwrite: bool = False) -> None:

@@ -42,7 +42,9 @@ def test_train_and_evaluate_name_tosses_that_slide_otherwise() -> None:
         tosses = cc.Tosses.of((*simulated_tosses(16, 1, RIG_NOISE), *more), CUBE)
         model = cc.train(tosses, steps=1)
         assert any(line.startswith("some tosses slide otherwise") for line in model.warnings) is said
-        assert ("careful: some tosses slide otherwise" in str(cc.evaluate(model, tosses))) is said
+        evaluated = cc.evaluate(model, tosses)
+        assert ("careful: some tosses slide otherwise" in str(evaluated)) is said
+        assert any(line.startswith("some tosses slide otherwise") for line in evaluated.document()["warnings"]) is said
 
 
 def test_a_model_that_is_no_optimum_is_not_blamed_for_its_friction() -> None:
