@@ -124,6 +124,8 @@ def check_values(values: Mapping[str, Any]) -> None:
             raise InvalidValueError(name, values[name], "a positive number")
     if not (np.isfinite(values["friction"]) and values["friction"] >= 0.0):
         raise InvalidValueError("friction", values["friction"], "a number of at least 0")
+    if not np.isfinite(values["inertia"]).all():
+        raise InvalidValueError("inertia", "numbers that are not finite", "finite ones [kg m^2]: is the shape in metres?")
     moments = np.linalg.eigvalsh(values["inertia"])
     if moments.min() <= 0.0:
         raise InvalidValueError("inertia", f"moments {moments}", "positive ones [kg m^2]")
