@@ -257,7 +257,9 @@ def test_the_action_is_remapped_on_both_sides(graph: Graph) -> None:
     store = graph.folder / "throws.sqlite"
     graph.start("throw_designer", renamed, **SMALL, store=store, auto=True)
     graph.until(lambda: any(one.state == ThrowReport.EXECUTED for one in reports), LONG, "a throw")
-    assert graph.listener.node.count_services("/robot/throw/_action/send_goal") == 1
+    node = graph.listener.node  # which may discover the arm later than the designer does
+    graph.until(lambda: node.count_services("/robot/throw/_action/send_goal") == 1, LONG, "the arm's action by its new name")
+    assert node.count_services("/execute_throw/_action/send_goal") == 0
 
 
 def test_a_throw_whose_toss_does_not_come_is_told_and_followed_by_the_next(graph: Graph) -> None:
