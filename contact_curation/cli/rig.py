@@ -66,9 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
     correction = worth_correcting(found) if evidence.tracked is None else evidence.tracked.rig  # which comes first
     settings = settings_of(correction) if stages["rig"] == NO_CORRECTION else ""
     rigid = evidence.departure is None
-    centre = (
-        None if not rigid else evidence.mass_centre and evidence.mass_centre.seen_from_described(found.rig, body.center_of_mass)
-    )
+    seen = evidence.mass_centre if rigid else None
+    centre = None if seen is None else seen.seen_from_described(found.rig, body.center_of_mass)
     move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
     options = " ".join(one for one in (move, settings) if one)
     needed = bool(move) or evidence.tracked is not None or not found.needs_none

@@ -332,8 +332,7 @@ def train(
         bounce = running.bounce()
         missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
         others = of_other_rigs([start], found.config.inputs.rig)
-        careful = filter(None, (missing, running.curated.training.displaced(), running.sliding_apart()))
-        return replace(running.model(), warnings=(*others, *found.warnings, *careful))
+        return replace(running.model(), warnings=(*others, *found.warnings, *filter(None, (missing,)), *running.doubts()))
 
 
 @says_what_to_install

@@ -202,7 +202,7 @@ def read_otherwise(manifest: Manifest, name: object, inputs: InputsConfig) -> li
         inputs: how its tosses are read now.
     """
     ranked, now = (
-        " ".join(f"--set {setting}" for setting in settings if setting.startswith(OF_TOSSES)) or "none of rig and segmenter"
+        " ".join(f"--set {setting}" for setting in settings if setting.startswith(OF_TOSSES)) or "no such setting"
         for settings in (manifest.run.settings, changed_fields(inputs, InputsConfig()))
     )
     return [] if ranked == now else [f"{name}: its tosses were ranked with {ranked}, and are read here with {now}"]

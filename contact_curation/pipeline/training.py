@@ -241,9 +241,10 @@ class TrainingRun:
         slid = sliding_of(self.plan.tosses, model.body)
         return sticking_in_words(self.curated.training.data, model.geometry(), model.body, slid)
 
-    def sliding_apart(self) -> str:
-        """Which tosses do not slide as the others do; empty for none."""
-        return slides_apart_in_words(sliding_of(self.plan.tosses, self.curated.training.trained().body))
+    def doubts(self) -> tuple[str, ...]:
+        """Corners that are learned far from where they are known to be, and tosses that slide otherwise: a line for each."""
+        training = self.curated.training
+        return tuple(filter(None, (training.displaced(), slides_apart_in_words(sliding_of(self.plan.tosses, self.plan.body)))))
 
     def more_throws(self) -> MoreThrows | None:
         """How far as many throws again would change predicted motions, of the held-out tosses if there are any."""

@@ -97,8 +97,9 @@ def test_an_option_that_would_change_nothing_is_refused(
 @pytest.mark.slow
 def test_tosses_that_are_read_otherwise_than_they_were_ranked_are_said(cli: Cli, golden: Path, tmp_path: Path) -> None:
     corrected, manifest, model = ["--set", "rig.scale=1.017"], tmp_path / "manifest.json", tmp_path / "model.safetensors"
+    ahead = ("--set", "poses.transforms_ahead=0.01", *corrected)
     assert cli("rank", golden, *corrected, "--top", 4, "--out", manifest, "--no-figure").status == 0
-    told = f"{manifest}: its tosses were ranked with --set rig.scale=1.017, and are read here with none of rig and segmenter"
+    told = f"{manifest}: its tosses were ranked with --set rig.scale=1.017, and are read here with no such setting"
     small = ("--throws", 1, "--exploration-throws", "--set", "design.pool=16", "--out", tmp_path / "throws.json")
     for verb, *words in (
         ("train", golden, "--steps", 1, "--overwrite", "--out", model),
@@ -111,3 +112,5 @@ def test_tosses_that_are_read_otherwise_than_they_were_ranked_are_said(cli: Cli,
         assert told in otherwise.err
     alike = cli("train", golden, "--steps", 1, "--overwrite", "--out", model, "--manifest", manifest, *corrected)
     assert (alike.status, "were ranked with" in alike.err) == (0, False)
+    moved = cli("train", golden, "--steps", 1, "--overwrite", "--out", model, "--manifest", manifest, *ahead)
+    assert "and are read here with --set poses.transforms_ahead=0.01 --set rig.scale=1.017" in moved.err

@@ -1,7 +1,8 @@
 """Rounds of training without a node: when they begin, when they stop, and that a kill changes no digit."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -421,22 +422,41 @@ def test_a_round_says_what_its_model_lacks(tmp_path: Path) -> None:
             assert [line.partition(":")[0] for line in trained.misfits()] == said
 
 
-@pytest.mark.slow
-def test_rounds_begin_at_a_shape_that_is_known_and_stay_near_it(tmp_path: Path) -> None:
+@contextmanager
+def knowing_the_cube(folder: Path, thrown: Sequence[Toss]) -> Iterator[TrainingStage]:
+    """Rounds over tosses, with the cube's corners known to half a millimetre."""
     config = replace(exact(), shape_known_to=0.0005)
-    thrown = simulated_tosses(4, 3)
-    with TossStore(tmp_path / "trainer.sqlite") as kept:
-        begin = partial(first_model, "polytope", CONTACTNETS_CUBE, config, seed=0)
-        trained = TrainingStage(begin, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, kept, tmp_path / "model.safetensors")
+    begin = partial(first_model, "polytope", CONTACTNETS_CUBE, config, seed=0)
+    with TossStore(folder / "trainer.sqlite") as kept:
+        trained = TrainingStage(begin, CONTACTNETS_CUBE.length_scale, config, ROUNDS, 0, kept, folder / "model.safetensors")
         for toss in thrown:
             trained.add(toss)
-        trained.follow(SelectedSet(1, 4, tuple(toss.toss_id for toss in thrown)))
+        trained.follow(SelectedSet(1, len(thrown), tuple(toss.toss_id for toss in thrown)))
+        yield trained
+
+
+@pytest.mark.slow
+def test_rounds_begin_at_a_shape_that_is_known_and_stay_near_it(tmp_path: Path) -> None:
+    thrown = simulated_tosses(4, 3)
+    with knowing_the_cube(tmp_path, thrown) as trained:
         moments = until_idle(trained)
     off = [np.abs(geometry.vertices_normal - CONTACTNETS_CUBE.scaled_vertices).max() for geometry in (
         moment.model.geometry() for moment in moments
     ) if geometry is not None]  # fmt: skip
     assert off[0] == 0.0
     assert 0.0 < off[-1] < 0.04
+
+
+@pytest.mark.slow
+def test_a_round_says_that_corners_are_not_where_they_are_known_to_be(tmp_path: Path) -> None:
+    geometry = ContactGeometry.of_body(CONTACTNETS_CUBE).rigid()
+    smaller = replace(
+        geometry, vertices_normal=0.92 * geometry.vertices_normal, vertices_tangent=0.92 * geometry.vertices_tangent
+    )
+    thrown = simulated_tosses(8, 3, geometry=smaller)
+    with knowing_the_cube(tmp_path, thrown) as trained:
+        until_idle(trained)
+        assert any(line.startswith("corners were learned up to") for line in trained.misfits())
 
 
 def test_the_loss_of_held_out_tosses_is_the_one_that_is_trained_on() -> None:

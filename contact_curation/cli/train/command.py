@@ -198,7 +198,7 @@ def run(arguments: argparse.Namespace) -> int:
         run=running,
         bounce=running.bounce(),
         sticking=running.sticking(),
-        displaced=running.curated.training.displaced(),
+        doubts=running.doubts(),
         more_throws=running.more_throws(),
         tosses=tosses,
         seconds=time.monotonic() - began,

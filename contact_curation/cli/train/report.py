@@ -27,7 +27,7 @@ class TrainReport:
         run: the training and its end.
         bounce: restitution of the tosses that the model lacks, or would lack; None where it has one, or none is known.
         sticking: what contacts that seldom slide say against the friction; empty for nothing.
-        displaced: how far corners are from where they are known to be; empty for no further than by chance.
+        doubts: what else speaks against the model, or against some tosses; one line each.
         more_throws: how far as many throws again would change predicted motions; None where that is not known.
         tosses: tosses that it learned from.
         seconds: duration of this run [s].
@@ -39,7 +39,7 @@ class TrainReport:
     run: TrainingRun
     bounce: Bounce | None
     sticking: str
-    displaced: str
+    doubts: tuple[str, ...]
     more_throws: MoreThrows | None
     tosses: LearningTosses
     seconds: float
@@ -76,14 +76,13 @@ def json_report(report: TrainReport) -> dict[str, Any]:
         "bounce": report.bounce._asdict() if report.bounce else None,
         "restitution": report.restitution,
         "friction_hardly_used_up": report.sticking,
-        "corners_displaced": report.displaced,
         "more_throws": report.more_throws._asdict() if report.more_throws else None,
         "selections": [document_of(one) for one in report.run.curated.selections],
         "seconds": report.seconds,
         "checkpoint": str(report.checkpoint),
         "metrics": str(report.metrics),
         "next": report.next_command,
-        "warnings": [*report.tosses.warnings, *filter(None, (report.run.sliding_apart(),))],
+        "warnings": [*report.tosses.warnings, *report.doubts],
     }
 
 
@@ -111,7 +110,7 @@ def print_report(report: TrainReport) -> None:
         print(f"restitution {report.restitution:.2f}")
     if progress.not_solved:
         print(f"not solved, and left out of the steps: {progress.not_solved} transitions, each time counted")
-    for line in filter(None, (report.misfit, report.displaced, report.run.sliding_apart())):
+    for line in filter(None, (report.misfit, *report.doubts)):
         print(f"careful: {line}")
     _print_selections(report.run.curated.selections)
     if report.more_throws:

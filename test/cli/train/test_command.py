@@ -89,6 +89,17 @@ def test_exactly_a_polytope_is_trained_at_once_and_a_network_is_refused(cli: Cli
 
 
 @pytest.mark.slow
+def test_corners_that_are_not_where_they_are_known_to_be_are_said(cli: Cli, tmp_path: Path) -> None:
+    cube = ContactGeometry.of_body(CONTACTNETS_CUBE).rigid()
+    smaller = replace(cube, vertices_normal=0.92 * cube.vertices_normal, vertices_tangent=0.92 * cube.vertices_tangent)
+    tosses = write_simulated(tmp_path, 8, smaller)
+    how = ("train", tosses, "--no-gate", "--shape-known-to", 0.0005)
+    assert "careful: corners were learned up to" in cli(*how, "--out", tmp_path / "a.safetensors").out
+    warned = cli(*how, "--out", tmp_path / "b.safetensors", "--json").json["warnings"]
+    assert sum(line.startswith("corners were learned up to") for line in warned) == 1
+
+
+@pytest.mark.slow
 def test_that_tosses_bounce_is_said_by_training_and_evaluation_until_a_restitution_is_learned(cli: Cli, tmp_path: Path) -> None:
     bouncing = replace(ContactGeometry.of_body(CONTACTNETS_CUBE).rigid(), restitution=0.3)
     tosses, out = write_simulated(tmp_path, 10, bouncing), tmp_path / "a.safetensors"

@@ -42,6 +42,17 @@ def test_no_real_toss_slides_otherwise_than_the_others(real_tosses: list[Toss]) 
     assert (off / np.hypot(found.scatter, found.error)).max() < 4.0
 
 
+@pytest.mark.parametrize(
+    ("scatter", "other", "apart"),
+    [(0.01, 0.40, True), (0.01, 0.25, False), (0.05, 0.40, False), (0.01, 0.05, True)],
+    ids=["far", "less than 0.3 of the median", "less than five deviations", "far below"],
+)
+def test_a_toss_slides_otherwise_where_its_friction_is_far_and_surely_off(scatter: float, other: float, apart: bool) -> None:
+    friction = np.append(0.2 + scatter * np.array([-1.5, -1.0, -0.5, 0.0, 0.0, 0.5, 1.0, 1.5]), other)
+    found = Sliding(friction, np.full(len(friction), 1e-3))
+    assert found.apart.tolist() == [False] * 8 + [apart]
+
+
 @pytest.mark.parametrize("count", [5, 8, 16])
 def test_the_interval_of_a_median_of_few_tosses_holds_the_truth_in_95_of_100(count: int) -> None:
     drawn = FRICTION + 0.02 * np.random.default_rng(count).standard_normal((2000, count))

@@ -2,6 +2,7 @@
 
 import pickle
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,11 +10,20 @@ import numpy as np
 import pytest
 import torch
 
+from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.errors import UnreadableInputError
 from contact_curation.geometry import quaternions
+from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.toss import Toss
 from contact_curation.storage.datasets import contactnets
-from contact_curation.storage.datasets.contactnets import contactnets_files, read_contactnets, read_contactnets_toss
+from contact_curation.storage.datasets.contactnets import (
+    contactnets_files,
+    read_contactnets,
+    read_contactnets_toss,
+    read_contactnets_tosses,
+    restored_of,
+)
+from contact_curation.storage.inputs.records import Found, InputsConfig
 
 FRAMES = 6
 
@@ -42,6 +52,18 @@ def test_a_file_is_a_toss_in_metres_with_even_stamps(tmp_path: Path) -> None:
     np.testing.assert_allclose(toss.linear_velocities[0], 0.0524 * np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(toss.angular_velocities[0], [4.0, 5.0, 6.0])
     assert toss.stamps_ns.tolist() == [round(number * 1e9 / 148) for number in range(FRAMES)]
+
+
+def test_a_centre_of_mass_is_in_metres_whatever_scale_corrects_the_lengths(tmp_path: Path) -> None:
+    file, center = saved(tmp_path / "0.pt", rows()), np.array([0.01, 0.0, -0.02])
+    body, config = (
+        replace(CONTACTNETS_CUBE, center_of_mass=center),
+        InputsConfig(rig=RigCalibration(scale=1.05)),
+    )
+    (found,) = [one for one in read_contactnets_tosses(file, body, config) if isinstance(one, Found)]
+    tracked = restored_of(read_contactnets_toss(file), body).toss
+    expected = 1.05 * tracked.positions + quaternions.rotate(tracked.orientations_wxyz, center)
+    np.testing.assert_allclose(found.toss.positions, expected, atol=1e-12)
 
 
 def test_a_folder_is_read_in_the_order_of_its_numbers_and_bad_files_are_told_in_between(tmp_path: Path) -> None:
