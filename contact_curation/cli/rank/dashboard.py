@@ -9,11 +9,11 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from contact_curation.cli.options.types import PathEndingIn
 from contact_curation.cli.stop_signals import StopSignals
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.files import BLUEPRINT, scratch_folder, writing
 from contact_curation.information.curation import Curation
 from contact_curation.information.pool import pool_of
@@ -44,11 +44,10 @@ def add_dashboard_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE.rrd",
         help="write the dashboard to a file for `rerun FILE.rrd`",
     )
-    group.add_argument("--web-port", type=int, default=9090, metavar="PORT", help="port of the page (default 9090)")
-    group.add_argument("--grpc-port", type=int, default=9876, metavar="PORT", help="port of the page's data (default 9876)")
+    group.add_argument("--web-port", type=int, metavar="PORT", help="port of the page (default 9090)")
+    group.add_argument("--grpc-port", type=int, metavar="PORT", help="port of the page's data (default 9876)")
     group.add_argument(
         "--bind",
-        default="127.0.0.1",
         metavar="ADDRESS",
         help="IPv4 address of this machine for page and data; 0.0.0.0 serves other machines, too (default 127.0.0.1)",
     )
@@ -73,16 +72,14 @@ class RankDashboard:
         theta = config.pool.thetas[0]
         self._body = theta.body if isinstance(theta, Parameters) else config.pool.reading.body
         self._inputs: Sequence[Path] = arguments.inputs
-        port = arguments.web_port if arguments.dashboard else 0
+        page = _page_options(arguments) if arguments.dashboard else {"web_port": 0}
         self._recording: Path | None = arguments.rrd
         self._partial: Path | None = None
         self._scratch = ExitStack()
         if self._recording:
             self._partial = self._scratch.enter_context(scratch_folder(self._recording)) / self._recording.name
         try:
-            self._serving: ServingConfig = ServingConfig(
-                port, arguments.grpc_port, arguments.bind, recording=self._partial, index=True
-            )
+            self._serving: ServingConfig = ServingConfig(**page, recording=self._partial, index=True)
             self._screen: Screen = open_screen(self._serving, ranking_layout(self._body))
         except ContactCurationError:
             self.drop()
@@ -134,8 +131,20 @@ class RankDashboard:
 
 
 def dashboard_of(arguments: argparse.Namespace, config: RankConfig) -> RankDashboard | None:
-    """The dashboard that the options describe, or None; raises the errors of `RankDashboard`."""
+    """The dashboard that the options describe, or None.
+
+    Raises:
+        InvalidValueError: an option of the page without a page; the errors of `RankDashboard`.
+    """
+    if (without := list(_page_options(arguments))) and not arguments.dashboard:
+        raise InvalidValueError(f"--{without[0].replace('_', '-')}", "no --dashboard", "--dashboard, which it belongs to")
     return RankDashboard(arguments, config) if arguments.dashboard or arguments.rrd else None
+
+
+def _page_options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Those of the page that were given, as fields of `ServingConfig`."""
+    given = {name: getattr(arguments, name) for name in ("web_port", "grpc_port", "bind")}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _theta(config: RankConfig, version: str) -> "ShownTheta":

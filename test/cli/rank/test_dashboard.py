@@ -109,3 +109,10 @@ def test_a_dashboard_is_served_until_ctrl_c(golden: Path) -> None:
         process.send_signal(signal.SIGINT)
         assert process.wait(20.0) == 0
         assert "Traceback" not in process.stderr.read()
+
+
+@pytest.mark.parametrize(("option", "value"), [("--web-port", "9191"), ("--grpc-port", "9192"), ("--bind", "0.0.0.0")])
+def test_an_option_of_the_page_without_a_page_is_refused(cli: Cli, golden: Path, option: str, value: str) -> None:
+    outcome = cli("rank", golden, option, value)
+    assert outcome.status == 1
+    assert f"{option}: found no --dashboard, expected --dashboard, which it belongs to" in outcome.err
