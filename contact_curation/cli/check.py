@@ -33,8 +33,8 @@ def add_options(parser: OneLineParser) -> None:
         type=positive_integer,
         default=MOST_MESSAGES,
         metavar="N",
-        help=f"look at the first N messages of pose topics, of all inputs together (default {MOST_MESSAGES}; of each at "
-        f"least {FEWEST_MESSAGES})",
+        help=f"look at the first N messages with the object's pose, of all inputs together (default {MOST_MESSAGES}; of "
+        f"each at least {FEWEST_MESSAGES})",
     )
     add_json_option(parser)
     parser.set_examples(

@@ -114,7 +114,7 @@ def check(
         inputs: as in `read`.
         body: the tossed object, or its file; None assumes ContactNets' cube, which is a warning.
         config: as in `read`.
-        most_messages: largest number of messages of pose topics that are read, the first ones of each recording.
+        most_messages: largest number of messages with the object's pose that are read, the first ones of each recording.
         progress: shows the progress, as `contact_curation.pipeline.workers.Progress` describes; None shows nothing.
 
     Returns:

@@ -20,7 +20,7 @@ from contact_curation.pipeline.reading import ReadingConfig, settings_of
 from contact_curation.pipeline.workers import Advance, each, unheard
 
 MOST_MESSAGES = 20_000
-"""Of pose topics, of all recordings together: some 135 s at 148 Hz, and a few seconds of work."""
+"""With the object's pose, of all recordings together: some 135 s at 148 Hz, and a few seconds of work."""
 
 FEWEST_MESSAGES = 2_000
 """Of each recording, however many there are."""
@@ -82,7 +82,7 @@ def diagnose(
         config: how they are read, the gates included.
         words: options that were given, for the next command.
         given: what was given for the paths, for the next command: perhaps patterns.
-        most_messages: of their pose topics, in all; of each recording at least `FEWEST_MESSAGES`.
+        most_messages: with the object's pose, in all; of each recording at least `FEWEST_MESSAGES`.
         advance: told of each recording that was read.
 
     Raises:

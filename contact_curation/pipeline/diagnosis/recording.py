@@ -4,6 +4,7 @@ Nothing is judged here. Only pose topics are read, and of a long recording only 
 within seconds whatever else a bag holds.
 """
 
+import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -36,6 +37,9 @@ from contact_curation.storage.inputs.tag_detections import tag_images
 
 IMAGES = 60
 """Of which is looked at how corners fit."""
+
+OTHERS = 5
+"""Times as many messages are read in all, where a robot's transforms, for instance, come beside those of the body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +130,7 @@ class Recording:
 
 
 def read_recording(path: Path, config: ReadingConfig, most_messages: int) -> Recording:
-    """Reads one input as far as `most_messages` of its pose topics go; one that cannot be read says why."""
+    """Reads one input as far as `most_messages` of the body go; one that cannot be read says why."""
     try:
         if is_contactnets(path):
             return _of_files(path, config, most_messages)
@@ -164,8 +168,13 @@ def _of_bag(path: Path, reader: BagReader, config: ReadingConfig, most_messages:
     except MissingTopicError as error:
         return Recording(str(path), no_topic=str(error).removeprefix(f"{path}: "), topics=reader.topics, losses=reader.losses)
     watched = _Watched(tosses)
-    outcomes = [found.outcome for message in islice(tosses.messages(reader), most_messages) for found in watched.of(message)]
-    whole = sum(watched.counted.values()) < most_messages
+    most = min(OTHERS * most_messages, sys.maxsize)
+    outcomes: list[Toss | Rejected] = []
+    for message in islice(tosses.messages(reader), most):
+        outcomes += [found.outcome for found in watched.of(message)]
+        if watched.of_body == most_messages:
+            break
+    whole = watched.of_body < most_messages and sum(watched.counted.values()) < most
     rest = [found.outcome for found in tosses.rest()]  # gives up what waits for the board, too
     outcomes += rest if whole else []  # the motion in progress is cut here, not in the recording
     series = _series(placed, config)
@@ -242,13 +251,14 @@ class _Watched:
         self._tosses = tosses
         self._rows: list[tuple[int, int, str, float, float, float, float, float, float, float]] = []
         self.counted: Counter[str] = Counter()
+        self.of_body = 0
         self.parents: Counter[str] = Counter()
         self.frames: set[str] = set()
 
     def of(self, message: MeasuredMessage) -> list[Found]:
         """What became complete with a message."""
         self.counted[message.topic] += 1
-        source = self._tosses.source
+        source, before = self._tosses.source, len(self._rows)
         for one in message.measured:
             if isinstance(one, FramePose):
                 self.frames.update((one.parent, one.child))
@@ -261,6 +271,7 @@ class _Watched:
                 )
             elif isinstance(one, BadPose):
                 self._rows.append((one.stamp_ns, message.log_time_ns, "", *(float("nan"),) * 7))
+        self.of_body += len(self._rows) > before
         return list(self._tosses.taken(message.measured, message.topic))
 
     def measurements(self) -> Measurements:

@@ -12,7 +12,9 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.scalars import ScalarPose, compose, inverse, vector
 from contact_curation.motion.pose_stream import FramePose
-from contact_curation.pipeline.diagnosis import Diagnosis, diagnose
+from contact_curation.motion.toss import NANOSECONDS
+from contact_curation.pipeline.diagnosis import FEWEST_MESSAGES, Diagnosis, diagnose
+from contact_curation.pipeline.diagnosis.recording import OTHERS, read_recording
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.inputs.inputs import InputsConfig
@@ -38,13 +40,27 @@ def camera(seconds: float, size: float = 0.1) -> ScalarPose:
 def diagnosed(
     path: Path, made: Session, moves: Callable[[float], ScalarPose] = camera, lead: float = 0.0, noise: float = 0.0
 ) -> Diagnosis:
-    """Of poses in a camera's frame, and transforms at 100 Hz with that of `lead` later [s] and with noise [m]."""
+    return diagnose([written(path, made, moves, lead, noise)], ReadingConfig(CONTACTNETS_CUBE))
+
+
+def written(
+    path: Path,
+    made: Session,
+    moves: Callable[[float], ScalarPose] = camera,
+    lead: float = 0.0,
+    noise: float = 0.0,
+    before: float = 0.01,
+) -> Path:
+    """Poses in a camera's frame, and transforms at 100 Hz with that of `lead` later [s] and with noise [m].
+
+    The transforms begin `before` the poses [s].
+    """
     rng, first_ns = np.random.default_rng(0), int(made.stamps_ns[0])
     sent: list[tuple[int, FramePose]] = []
     for stamp_ns, row in zip(made.stamps_ns.tolist(), made.poses.tolist(), strict=True):
         seen = compose(inverse(moves(1e-9 * (stamp_ns - first_ns))), ScalarPose(tuple(row[:3]), tuple(row[3:])))
         sent.append((stamp_ns + 3_000_000, FramePose(stamp_ns, "camera", "body_cube", seen)))
-    for stamp_ns in range(first_ns - TRANSFORM_NS, int(made.stamps_ns[-1]) + 3 * TRANSFORM_NS, TRANSFORM_NS):
+    for stamp_ns in range(first_ns - int(before * NANOSECONDS), int(made.stamps_ns[-1]) + 3 * TRANSFORM_NS, TRANSFORM_NS):
         place, turn = moves(1e-9 * (stamp_ns - first_ns) + lead)
         rough = ScalarPose(vector(np.array(place) + noise * rng.standard_normal(3)), turn)
         sent.append((stamp_ns + 1_000_000, FramePose(stamp_ns, "body_surface", "camera", rough)))
@@ -54,7 +70,25 @@ def diagnosed(
                 bag.write("/tf", transforms([one]), log_ns)
             else:
                 bag.write("/cube/pose", message(POSE, one), log_ns)
-    return diagnose([path], ReadingConfig(CONTACTNETS_CUBE))
+    return path
+
+
+def test_transforms_do_not_count_as_messages_of_the_body(session: Session, tmp_path: Path) -> None:
+    """A robot sends more of them than a tracker sends poses, and tosses are what is looked at."""
+    bag = written(tmp_path / "a.mcap", session)
+    found = read_recording(bag, ReadingConfig(CONTACTNETS_CUBE), 1000)
+    assert (len(found.measured), found.whole) == (1000, False)
+    assert sum(found.counted.values()) > 1500
+    assert read_recording(bag, ReadingConfig(CONTACTNETS_CUBE), len(session.poses) + 1).whole
+
+
+def test_poses_that_come_after_what_is_looked_at_are_no_fault_of_the_frame(session: Session, tmp_path: Path) -> None:
+    bag = written(tmp_path / "a.mcap", session, before=1.1 * OTHERS * FEWEST_MESSAGES * TRANSFORM_NS / NANOSECONDS)
+    found = diagnose([bag], ReadingConfig(CONTACTNETS_CUBE), most_messages=1)
+    looked = OTHERS * FEWEST_MESSAGES
+    assert f"no message of /cube/pose among the first {looked} of the recording: look at more of them" in found.verdict
+    assert not any("--body-frame" in line for line in (found.verdict, *found.reasons))
+    assert diagnose([bag], ReadingConfig(CONTACTNETS_CUBE), most_messages=looked).ok
 
 
 @pytest.mark.parametrize("lead", [0.01, -0.03])

@@ -39,7 +39,10 @@ def without_a_message(evidence: Evidence) -> Finding | None:
             return ""
         seen = ", ".join(sorted(one.frames)) or "none"
         topic = one.source.body.name
-        read = f"{one.counted.get(topic, 0)} messages of {topic}"
+        if _comes_later(one):
+            looked = sum(one.counted.values())
+            return f"no message of {topic} among the first {looked} of the recording: look at more of them, --most {looked}"
+        read = f"{'' if one.whole else 'the first '}{one.counted.get(topic, 0)} messages of {topic}"
         if one.why_bad or one.losses:
             why = next(iter(one.why_bad.values()), "") or one.losses[0].removeprefix(f"{one.name}: ")
             return f"none of {read} gives a pose of {one.source.body_frame}: {why}"
@@ -49,7 +52,8 @@ def without_a_message(evidence: Evidence) -> Finding | None:
     found = by_recording(evidence, line)
     if not found:
         return None
-    explained = any(one.why_bad or one.losses or one.only_inverted for one in evidence.recordings if one.name in found)
+    silent = [one for one in evidence.recordings if one.name in found]
+    explained = any(one.why_bad or one.losses or one.only_inverted or _comes_later(one) for one in silent)
     return Finding(
         Severity.FAULT, of_recordings(evidence, found), "" if explained else "name the body's frame with --body-frame"
     )
@@ -76,6 +80,13 @@ def not_whole(evidence: Evidence) -> Finding | None:
     return Finding(
         Severity.FACT, f"looked at the first {looked} messages of {counted(len(short), 'long recording')}, not at the rest"
     )
+
+
+def _comes_later(one: Recording) -> bool:
+    """Whether messages of the body's topic come after the part of a recording that was read."""
+    if one.source is None or one.whole or one.counted.get(one.source.body.name):
+        return False
+    return any(topic.count != 0 for topic in one.topics if topic.name == one.source.body.name)
 
 
 def _first_loss(one: Recording) -> str:
