@@ -289,6 +289,18 @@ def test_poses_without_noise_are_simulated_not_smoothed() -> None:
     assert _colour(survey(noisy)) == pytest.approx(-0.75, abs=0.1)
 
 
+def test_a_single_pose_that_is_off_beside_an_impact_does_not_spread_it() -> None:
+    """It pushes up on either side and pulls down between, as no contact does, and no filter of an impact."""
+    series = recorded(CONTACTNETS_CUBE.polytope, Rig(noise=2e-5), Throws(12))
+    found = survey(series)
+    sharp = _sharpness(found)
+    for throw in found.throws[: len(sharp) // 2]:
+        found.series[throw.flights[0].series].positions[throw.flights[0].stop + 4, 2] += 0.05
+    left = _sharpness(found)
+    assert 0 < len(left) < len(sharp)
+    assert set(left.tolist()) < set(sharp.tolist())
+
+
 def test_noise_is_that_of_flights_where_a_hand_moves_the_body() -> None:
     series = recorded(CONTACTNETS_CUBE.polytope, Rig(noise=2e-5), Throws(8))
     for one in series:

@@ -40,6 +40,9 @@ HARD = 20.0
 IMPACT, AROUND = 0.0135, 0.054
 """[s] In which an impact of raw poses is over, two frames at least; what is looked at around it."""
 
+PULLED = 0.75
+"""Of the largest push: contact does not pull, and filters ring less. One pose that is off does, by two pushes or a half."""
+
 WHITEST, WHITE = -0.4, -0.69
 """Correlations of successive third differences in the air: from the first on noise is filtered; up to the second it is not, and
 noise that grows with speed spreads impacts."""
@@ -213,7 +216,10 @@ def _sharpness(found: Survey) -> Array:
         given = np.diff(heights, n=2) / period**2 + size
         sums = np.convolve(given, np.ones(frames), mode="valid")
         at = int(np.argmax(sums))
-        around = np.maximum(given[max(at - before, 0) : at + after], 0.0).sum()
+        near = given[max(at - before, 0) : at + after]
+        around = np.maximum(near, 0.0).sum()
+        if near.min() < -PULLED * near.max():
+            continue
         if around > 0.0 and sums[at] > HARD * np.sqrt(6.0) * noise / period**2:
             shares.append(float(sums[at] / around))
     return np.array(shares)
