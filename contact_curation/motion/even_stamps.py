@@ -16,9 +16,9 @@ Nothing depends on when something is pushed: live streams and recordings come ou
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice, pairwise
+from itertools import accumulate, islice, pairwise
 from math import dist, log, prod, sqrt
-from statistics import median, pstdev
+from statistics import fmean, median, pstdev
 from typing import Any
 
 from contact_curation.geometry.scalars import ScalarPose, Vector
@@ -77,6 +77,9 @@ OTHER_RATE = 0.1
 
 LOSS_MEMORY, MOST_LOST = 0.95, 3.0
 """What a missing frame counts after the next one; so many are no missing frames but another rate."""
+
+MORE_EVEN = 0.8
+"""Stamps that are off a line by a smaller share than this in the mean, where frames are missing, say that they are."""
 
 TOLD_APART = 4.0 * RIG_NOISE
 """[m] A body that moves less within what steps differ says nothing about its stamps."""
@@ -320,8 +323,8 @@ class StampEvener:
         """The first of the waiting poses, on the line, which is led by them if they reach far `ahead`; none at another rate."""
         delays = line.delays(self._held)
         off = sorted(delays)[len(delays) // 4]
-        if len(delays) >= FEWEST and off > 0.5 * line.step < delays[0]:
-            missing = round(off / line.step)
+        if len(delays) >= FEWEST and min(delays) > 0.5 * line.step:
+            missing = round(min(delays) / line.step)
             line.time += missing * line.step
             off, self._lost = off - missing * line.step, self._lost + 1.0
         if ahead and (off < -0.5 * line.step or self._lost > MOST_LOST):
@@ -407,7 +410,7 @@ def _bent(times: Sequence[float], places: Sequence[Vector]) -> float:
 
 
 def _line_through(poses: Sequence[BodyPose], period: float) -> _Line:
-    """The line through frames none of which is missing, up to the one before them (Tukey's resistant line, with quartiles).
+    """The line through frames up to the one before them, without missing ones or with those that make them more even.
 
     Args:
         poses: at least `FEWEST`.
@@ -415,14 +418,34 @@ def _line_through(poses: Sequence[BodyPose], period: float) -> _Line:
     """
     origin_ns = poses[0].stamp_ns
     stamps = [one.stamp_ns - origin_ns for one in poses]
-    step = period or stamps[-1] / (len(stamps) - 1)
+    frames, last = list(range(len(stamps))), len(stamps) - 1
+    steps = [period] if period else [stamps[-1] / (last + missing) for missing in range(1, round(MOST_LOST) + 1)]
+    counted = [found for step in steps if 0 < (found := _with_missing(stamps, max(step, FASTEST)))[-1] - last <= MOST_LOST]
+    whole_line, *lines = [_resistant(stamps, numbers, period) for numbers in (frames, *counted)]
+    best = min(lines, default=whole_line)
+    _, before, step = best if best[0] < MORE_EVEN * whole_line[0] else whole_line
+    return _Line(origin_ns, before, step, len(stamps))
+
+
+def _with_missing(stamps: Sequence[int], step: float) -> list[int]:
+    """Numbers of the frames, where so many are missing that all later ones are late by whole steps."""
+    late = [stamp - step * n for n, stamp in enumerate(stamps)]
+    least = list(accumulate(reversed(late), min))[::-1]  # of it and all later ones
+    surest = len(late) - FEWEST
+    return [n + round((least[min(n, surest)] - least[0]) / step) for n in range(len(late))]
+
+
+def _resistant(stamps: Sequence[int], frames: Sequence[int], period: float) -> tuple[float, float, float]:
+    """Tukey's resistant line, with quartiles: how far stamps are off it in the mean, where it begins, and its step [ns]."""
+    step = period or stamps[-1] / frames[-1]
     third = len(stamps) // 3
     for _ in range(4):
-        off = [stamp - step * n for n, stamp in enumerate(stamps)]
+        off = [stamp - step * n for n, stamp in zip(frames, stamps, strict=True)]
         first, last = (sorted(part)[third // 4] for part in (off[:third], off[-third:]))
-        step = max(step + (last - first) / (len(stamps) - third), FASTEST)
-    off = sorted(stamp - step * n for n, stamp in enumerate(stamps))
-    return _Line(origin_ns, off[len(off) // 4] - step, step, len(stamps))
+        step = max(step + (last - first) / (frames[-1] + 1 - third), FASTEST)
+    off = sorted(stamp - step * n for n, stamp in zip(frames, stamps, strict=True))
+    quartile = off[len(off) // 4]
+    return fmean(abs(one - quartile) for one in off), quartile - step, step
 
 
 def _bad_stamp(stamp_ns: int, back_ns: int) -> str:

@@ -160,6 +160,20 @@ def test_a_frame_that_is_missing_among_jitter_is_a_gap(delays: Delays) -> None:
     assert isinstance(second, Toss)
 
 
+@pytest.mark.parametrize("missing", [(4,), (20,), (60, 66), (20, 60, 160)])
+@pytest.mark.parametrize("delays", [slight, uniform])
+def test_frames_missing_anywhere_after_a_pause_are_gaps(delays: Delays, missing: tuple[int, ...]) -> None:
+    poses = throws(148.0)
+    each = len(poses) // THROWS
+    seen = [one for n, one in enumerate(poses) if n % each not in missing]
+    given = [one for one in evened(stamped(seen, delays)) if isinstance(one, BodyPose)]
+    assert len(given) == len(seen)
+    rows = zip(pairwise(seen), pairwise(given), strict=True)
+    steps = [(after.stamp_ns - before.stamp_ns, late.stamp_ns - soon.stamp_ns) for (before, after), (soon, late) in rows]
+    off = [abs(true - found) for true, found in steps if true < APART // 4]
+    assert max(off) < 0.3 * PERIOD_NS
+
+
 def test_two_cameras_that_take_turns_keep_their_stamps_while_the_body_moves() -> None:
     """Their steps are 2 and 11.5 ms: uneven, and right."""
     period_ns = 500_000
