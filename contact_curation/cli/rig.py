@@ -19,7 +19,7 @@ from contact_curation.motion.survey.rig import Estimate, RigEstimate, worth_corr
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.findings.body import moving_parts, other_frame
-from contact_curation.pipeline.diagnosis.findings.rig import incline
+from contact_curation.pipeline.diagnosis.findings.rig import incline, moved
 from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig, center_of_mass_option, settings_of
 from contact_curation.pipeline.wording import counted_tosses
@@ -64,13 +64,14 @@ def run(arguments: argparse.Namespace) -> int:
     warn(warnings)
     found = evidence.estimated_rig(FEWEST_TOSSES)
     correction = worth_correcting(found) if evidence.tracked is None else evidence.tracked.rig  # which comes first
-    settings = settings_of(correction) if stages["rig"] == NO_CORRECTION else ""
+    one_board = evidence.board_move is None
+    settings = settings_of(correction) if stages["rig"] == NO_CORRECTION and one_board else ""
     rigid = evidence.departure is None
     seen = evidence.mass_centre if rigid else None
     centre = None if seen is None else seen.seen_from_described(found.rig, body.center_of_mass)
     move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
     options = " ".join(one for one in (move, settings) if one)
-    needed = bool(move) or evidence.tracked is not None or not found.needs_none
+    needed = bool(move) or evidence.tracked is not None or not (found.needs_none and one_board)
     if arguments.json:
         told = _document(found, warnings) | {"correction_needed": needed, "settings": options}
         print_json(told | {"mass_centre": _centre_document(centre, move)})
@@ -82,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _warnings(evidence: Evidence) -> Iterator[str]:
     for one in evidence.recordings:
         yield from (f"{one.path}: {line}" for line in (one.unreadable, one.no_topic, *one.losses) if line)
-    yield from (found.line for find in (moving_parts, other_frame, incline) if (found := find(evidence)) is not None)
+    yield from (found.line for find in (moved, moving_parts, other_frame, incline) if (found := find(evidence)) is not None)
     twice = sum(len(one.series) for one in evidence.recordings) - len(evidence.series)
     if twice:
         yield f"{twice} series of poses are in the inputs twice: each counts once"

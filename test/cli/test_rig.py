@@ -84,6 +84,14 @@ def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path)
     assert "at rest" not in ranked.out
 
 
+def test_of_a_board_that_was_moved_from_one_recording_to_the_next_no_settings_are_given(cli: Cli, tmp_path: Path) -> None:
+    write(tmp_path / "before.mcap", simulated_session(7, 6))
+    write(tmp_path / "after.mcap", raised(0.004)(simulated_session(8, 6), np.random.default_rng(0)))
+    told = cli("rig", tmp_path / "before.mcap", tmp_path / "after.mcap", "--json").json
+    assert any("after.mcap) bodies lie 4.0 mm " in line for line in told["warnings"])
+    assert (told["settings"], told["correction_needed"]) == ("", True)
+
+
 @pytest.mark.slow
 def test_other_commands_say_that_a_model_learned_from_tosses_calibrated_otherwise(
     cli: Cli, golden: Path, tmp_path: Path

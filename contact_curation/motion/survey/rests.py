@@ -73,19 +73,21 @@ class Rests(NamedTuple):
         places: (K, 3) [m].
         normals: (K, 3) outward, of the faces.
         depths: (K,) of the faces under the origin [m].
+        throws: (K,) which of all throws they end.
     """
 
     turns: Array
     places: Array
     normals: Array
     depths: Array
+    throws: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.depths)
 
     def seen_from(self, place: Array) -> "Rests":
         """The same of a frame whose origin is at a place (3,) in the tracked one [m]."""
-        return Rests(self.turns, self.places + self.turns @ place, self.normals, self.depths)
+        return Rests(self.turns, self.places + self.turns @ place, self.normals, self.depths, self.throws)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,11 +150,17 @@ def on_board(survey: Survey, polytope: Polytope) -> Survey:
 
 def rests_of(throws: Sequence[Throw], polytope: Polytope) -> Rests:
     """The rests on a described face, seen along z."""
-    found = [throw.rest for throw in throws if throw.rest is not None]
+    numbers, found = zip(*resting, strict=True) if (resting := _resting(throws)) else ((), ())
     normals, distances = faces(polytope)
     turns, nearest, flat = _lain_on(found, normals, np.array([0.0, 0.0, 1.0]))
     places = np.array([rest.position for rest in found]).reshape(-1, 3)
-    return Rests(turns[flat], places[flat], normals[nearest][flat], distances[nearest][flat])
+    of_throws = np.array(numbers, dtype=np.int64)
+    return Rests(turns[flat], places[flat], normals[nearest][flat], distances[nearest][flat], of_throws[flat])
+
+
+def _resting(throws: Sequence[Throw]) -> list[tuple[int, Rest]]:
+    """Throws that come to rest, by number."""
+    return [(number, throw.rest) for number, throw in enumerate(throws) if throw.rest is not None]
 
 
 def _lain_on(rests: Sequence[Rest], normals: Array, up: Array) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:

@@ -16,7 +16,8 @@ from contact_curation.motion.survey.carried import Carried, Scatter, Wander, sca
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
-from contact_curation.motion.survey.rests import on_board
+from contact_curation.motion.survey.moved_board import BoardMove, board_move
+from contact_curation.motion.survey.rests import on_board, rests_of
 from contact_curation.motion.survey.rig import FEWEST_THROWS, RigEstimate, estimate_rig
 from contact_curation.motion.survey.rigidity import Departure, departure
 from contact_curation.motion.survey.series import SPAN, PoseSeries
@@ -228,6 +229,12 @@ class Evidence:
         drag = 0.5 * AIR * DRAG * spans[1] * spans[2] / self.body.mass
         return found if found.size > drag * found.slowed else None
 
+    @cached_property
+    def board_move(self) -> BoardMove | None:
+        """How what bodies rest on was moved between two throws; None where it was not, or poses are not in metres with z up."""
+        sound = self.fall is not None and self.fall.sound
+        return board_move(rests_of(self.survey.throws, self.body.polytope)) if sound else None
+
     @property
     def rests_on_board(self) -> bool:
         """Whether bodies come to rest at the height of the board, but for what may be chance."""
@@ -265,8 +272,8 @@ class Evidence:
 
     @cached_property
     def rig(self) -> RigEstimate | None:
-        """None where poses are not in metres with z up, or throws are too few."""
-        if self.fall is None or not self.fall.sound:
+        """None where poses are not in metres with z up, throws are too few, or there are two: before and after a move."""
+        if self.fall is None or not self.fall.sound or self.board_move is not None:
             return None
         try:
             return self.estimated_rig()
@@ -291,7 +298,7 @@ class Evidence:
     @cached_property
     def tracked(self) -> TrackedFrame | None:
         """The frame that is tracked, where it is another one than the described body's."""
-        if self.fall is None or not self.fall.sound:
+        if self.fall is None or not self.fall.sound or self.board_move is not None:
             return None
         seen = self.center if self.departure is None else None
         return tracked_frame(self.survey, self.body.vertices, self.body.center_of_mass, seen)

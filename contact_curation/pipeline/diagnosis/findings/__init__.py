@@ -63,6 +63,7 @@ FINDINGS: tuple[Find, ...] = (
     smoothing.rounded,
     orientations.order,
     body.other_unit,
+    rig.moved,
     body.other_frame,
     body.round_side,
     body.other_shape,

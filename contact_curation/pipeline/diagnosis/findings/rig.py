@@ -8,6 +8,7 @@ from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.inertia import shape_of
 from contact_curation.motion.survey.rig import RigEstimate, worth_correcting
+from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
 from contact_curation.pipeline.diagnosis.findings.body import other_shape, other_size
@@ -50,6 +51,21 @@ def height(evidence: Evidence) -> Finding | None:
         on_it = f"{what}, and {counted_tosses(len(evidence.tosses))} on it: do bodies fall off the board?"
         return Finding(severity, on_it, "record throws that stay on it")
     return _finding(evidence, rig, abs(found.value) > LARGEST_HEIGHT, f"{what}: board height or body size off?")
+
+
+def moved(evidence: Evidence) -> Finding | None:
+    """A board, or a camera over it, that was moved between two throws."""
+    move = evidence.board_move
+    if move is None:
+        return None
+    throws = evidence.survey.throws
+    flight = throws[move.throw].flights[0]
+    stamp, name = evidence.survey.series[flight.series].stamps_ns[flight.first], evidence.series[flight.series][0].name
+    when = f"from throw {move.throw + 1} of {len(throws)} on ({stamp / NANOSECONDS:.1f} s, {name})"
+    step = f"{1e3 * abs(move.higher):.1f} mm {'higher' if move.higher > 0.0 else 'lower'}"
+    what = f"{when} bodies lie {step} than before, and {np.degrees(move.tilt):.1f} degrees tilted against it"
+    mend = "was the board or a camera moved? no settings correct both parts: record anew, or take each by itself"
+    return Finding(Severity.FAULT, what, mend)
 
 
 def tilt(evidence: Evidence) -> Finding | None:
