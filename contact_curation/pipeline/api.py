@@ -383,7 +383,10 @@ def evaluate(
     models = [first] if against is None else [first, model_of(against, first.body)]
     config = evaluation_config(bootstrap=BootstrapConfig(seed=seed))
     with own_torch():
-        judged = judging_tosses(_tosses(tosses, first.body), held_out, models, HELD_OUT)
+        found = _tosses(tosses, first.body)
+        for one in (model, against):
+            _body(None, one, found)
+        judged = judging_tosses(found, held_out, models, HELD_OUT)
         return evaluate_models(models, judged, config, progress=progress or silent, more=more)
 
 
@@ -434,9 +437,8 @@ def design(
     throws = whole_number("throws", throws, 1, MOST_THROWS)
     given = None if body is None else body_of(body)
     several = model if isinstance(model, Sequence) and not isinstance(model, str) else [model]
-    if given:
-        for one in several:
-            _body(given, one)
+    for one in several:
+        _body(given, one, known if isinstance(known, Tosses) else ())
     models = [model_of(one, given) for one in several if one is not None]
     with own_torch():
         thetas = tuple(map(_polytope, models)) or (described_polytope(given or CONTACTNETS_CUBE),)
@@ -484,7 +486,7 @@ def _body(body: GivenBody | None, model: "GivenModel | None", tosses: Tosses | I
         from contact_curation.pipeline.learned_model import model_of
 
         known.append(CarriedBody(model_of(model).body, model.name))
-    if given and isinstance(tosses, Tosses):
+    if isinstance(tosses, Tosses):
         known.append(CarriedBody(tosses.body, "the tosses"))
     found = carried_body(files, given=given, known=known)
     return found.body if found else None

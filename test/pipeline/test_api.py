@@ -444,6 +444,20 @@ def test_a_body_that_contradicts_the_tosses_or_the_model_is_refused(
     assert cc.rank(tosses, 4, body=replace(body, name="other")).ids == cc.rank(tosses, 4).ids
 
 
+def test_a_model_of_another_body_than_that_of_the_tosses_is_refused(tosses: cc.Tosses, model: cc.LearnedModel) -> None:
+    heavy = cc.Tosses.of(tosses.accepted, replace(tosses.body, mass=0.5))
+    for call in (
+        lambda: cc.rank(heavy, model=model),
+        lambda: cc.score(heavy, model=model),
+        lambda: cc.train(heavy, start=model, steps=1),
+        lambda: cc.evaluate(model, heavy),
+        lambda: cc.evaluate(cc.train(heavy, steps=1), heavy, against=model),
+        lambda: cc.design(model, known=heavy, throws=1),
+    ):
+        with pytest.raises(InvalidValueError, match=r"not the 'cube' of the tosses \(other mass\), expected the same body"):
+            call()
+
+
 @pytest.mark.slow
 def test_a_result_is_saved_over_what_can_be_made_again_only(
     bench: Path, tosses: cc.Tosses, ranking: cc.RankedTosses, model: cc.LearnedModel
