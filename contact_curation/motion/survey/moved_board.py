@@ -21,7 +21,7 @@ SMALLEST_STEP, SMALLEST_TILT = 1.5e-3, np.radians(0.4)
 """[m, rad] Of what is worth a line."""
 
 ALIKE = 0.5
-"""Share of the whole step that heights on each face change by, at least."""
+"""Share of the whole step by which what lies on each face changes, at least."""
 
 
 class BoardMove(NamedTuple):
@@ -65,17 +65,20 @@ def board_move(rests: Rests) -> BoardMove | None:
     for name in ("uneven", "askew"):
         at = min(pairs, key=lambda one: sum(getattr(side, name) for side in pairs[one]))
         before, after = pairs[at]
-        higher, tilt = after.height - before.height, float(np.arccos(np.clip(before.up @ after.up, -1.0, 1.0)))
+        higher, turned = after.height - before.height, after.up - before.up
+        tilt = float(np.linalg.norm(turned))
         large = abs(higher) >= SMALLEST_STEP if name == "uneven" else tilt >= SMALLEST_TILT
         told = getattr(before, name) + getattr(after, name) <= LARGEST_SHARE * getattr(whole, name)
-        if large and told and (name == "askew" or _on_each_face(rests, at, places @ whole.up - rests.depths, higher)):
-            return BoardMove(int(rests.throws[at]), higher, tilt)
+        if large and told:
+            step = (places @ whole.up - rests.depths) / higher if name == "uneven" else normals @ turned / tilt**2
+            if _on_each_face(rests, at, step):
+                return BoardMove(int(rests.throws[at]), higher, tilt)
     return None
 
 
-def _on_each_face(rests: Rests, at: int, heights: Array, higher: float) -> bool:
-    """Whether heights (K,) change by so much on the faces on which bodies lay before and after, and there is one."""
+def _on_each_face(rests: Rests, at: int, values: Array) -> bool:
+    """Whether values (K,) change by nearly 1 on the faces that bodies lay on before and after, and there is one."""
     _, faces = np.unique(np.round(rests.normals, 6), axis=0, return_inverse=True)
     shared = np.intersect1d(faces[:at], faces[at:])
-    steps = [np.median(heights[at:][faces[at:] == face]) - np.median(heights[:at][faces[:at] == face]) for face in shared]
-    return bool(steps) and min(step / higher for step in steps) > ALIKE
+    steps = [np.median(values[at:][faces[at:] == face]) - np.median(values[:at][faces[:at] == face]) for face in shared]
+    return bool(steps) and min(steps) > ALIKE
