@@ -18,7 +18,7 @@ from contact_curation.motion.survey.mass_centre import MassCentre
 from contact_curation.motion.survey.rig import Estimate, RigEstimate, worth_correcting
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
-from contact_curation.pipeline.diagnosis.findings.body import moving_parts, other_frame
+from contact_curation.pipeline.diagnosis.findings.body import beside_size, moving_parts, other_frame, other_size
 from contact_curation.pipeline.diagnosis.findings.rig import incline, moved
 from contact_curation.pipeline.diagnosis.recording import read_recording
 from contact_curation.pipeline.reading import ReadingConfig, center_of_mass_option, settings_of
@@ -63,13 +63,14 @@ def run(arguments: argparse.Namespace) -> int:
         raise NothingFoundError(concluded(evidence).verdict, warnings)
     warn(warnings)
     found = evidence.estimated_rig(FEWEST_TOSSES)
-    correction = worth_correcting(found) if evidence.tracked is None else evidence.tracked.rig  # which comes first
-    one_board = evidence.board_move is None
+    rig, one_board = beside_size(evidence, found.rig), evidence.board_move is None
+    correction = beside_size(evidence, worth_correcting(found))
+    correction = correction if evidence.tracked is None else evidence.tracked.rig  # which comes first
     settings = settings_of(correction) if stages["rig"] == NO_CORRECTION and one_board else ""
     rigid = evidence.departure is None
     seen = evidence.mass_centre if rigid else None
-    centre = None if seen is None else seen.seen_from_described(found.rig, body.center_of_mass)
-    move = "" if (moved := evidence.moved_centre) is None else center_of_mass_option(body.center_of_mass + moved.place)
+    centre = None if seen is None else seen.seen_from_described(rig, body.center_of_mass)
+    move = "" if (moved := evidence.moved_centre(rig)) is None else center_of_mass_option(body.center_of_mass + moved.place)
     options = " ".join(one for one in (move, settings) if one)
     needed = bool(move) or evidence.tracked is not None or not (found.needs_none and one_board)
     if arguments.json:
@@ -83,7 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
 def _warnings(evidence: Evidence) -> Iterator[str]:
     for one in evidence.recordings:
         yield from (f"{one.path}: {line}" for line in (one.unreadable, one.no_topic, *one.losses) if line)
-    yield from (found.line for find in (moved, moving_parts, other_frame, incline) if (found := find(evidence)) is not None)
+    found = (find(evidence) for find in (moved, moving_parts, other_frame, other_size, incline))
+    yield from (one.line for one in found if one is not None)
     twice = sum(len(one.series) for one in evidence.recordings) - len(evidence.series)
     if twice:
         yield f"{twice} series of poses are in the inputs twice: each counts once"

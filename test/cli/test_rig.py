@@ -136,6 +136,14 @@ def test_a_rig_that_the_gates_would_keep_back_is_told_all_the_same(cli: Cli, gol
     assert "no correction needed" in cli("rig", golden).out.splitlines()[-1]
 
 
+def test_no_setting_hides_that_the_body_has_another_size(cli: Cli, golden: Path, tmp_path: Path) -> None:
+    large = tmp_path / "large.yaml"
+    cc.write_body(large, replace(CONTACTNETS_CUBE, vertices=1.1 * CONTACTNETS_CUBE.vertices))
+    done = cli("rig", golden, "--body", large, "--json")
+    assert (done.json["correction_needed"], done.json["settings"]) == (True, "")
+    assert "the body is 9 % smaller than cube as described" in done.json["warnings"][0]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("millimetres", [10.0, -80.0])
 def test_a_height_that_loses_every_toss_is_found_and_corrected(cli: Cli, tmp_path: Path, millimetres: float) -> None:

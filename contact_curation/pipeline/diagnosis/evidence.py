@@ -10,6 +10,7 @@ from contact_curation.errors import InvalidValueError
 from contact_curation.geometry import quaternions
 from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.misfit import DEEP, bounce_in_words, impact_depth, sliding_of, softness_in_words
+from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.pose_noise import MOST, RIG_NOISE
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.carried import Carried, Scatter, Wander, scatter, wander
@@ -240,15 +241,17 @@ class Evidence:
         """Whether bodies come to rest at the height of the board, but for what may be chance."""
         return self.rig is not None and self.rig.height.holds_none
 
-    @property
-    def moved_centre(self) -> MassCentre | None:
+    def moved_centre(self, rig: RigCalibration) -> MassCentre | None:
         """The centre of mass seen from where it is described, where it is certainly and noticeably not there; needs `rig`.
 
         None of bodies that do not move as rigid ones: these turn about no point of theirs.
+
+        Args:
+            rig: what corrects the poses.
         """
         if self.rig is None or self.mass_centre is None or self.departure is not None or self.tracked is not None:
             return None
-        found = self.mass_centre.seen_from_described(self.rig.rig, self.body.center_of_mass)
+        found = self.mass_centre.seen_from_described(rig, self.body.center_of_mass)
         return found if found.is_elsewhere and found.distance > WORTH_MOVE * size_of(self.body.vertices) else None
 
     @cached_property

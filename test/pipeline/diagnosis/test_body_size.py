@@ -2,10 +2,11 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
-from contact_curation.geometry.polytopes import box
+from contact_curation.geometry.polytopes import Polytope, box
 from contact_curation.pipeline.diagnosis.diagnosis import concluded
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Severity
@@ -17,10 +18,14 @@ from test.motion.survey.rigs import Rig, Throws, recorded
 SLAB = box([0.06, 0.04, 0.025])
 
 
-def seen(rig: Rig, described: float) -> Evidence:
+LOPSIDED = Polytope(np.add(SLAB.vertices, [0.02, 0.01, 0.0]))
+"""A slab whose centre of mass is not in its middle."""
+
+
+def seen(rig: Rig, described: float, thrown: Polytope = SLAB) -> Evidence:
     """Evidence of a slab's throws; it is described so many times as large."""
-    body = Body("slab", described * SLAB.vertices, 0.3, CONTACTNETS_CUBE.inertia, 0.3, 0.05)
-    return Evidence(ReadingConfig(body), (Recording("a", series=tuple(recorded(SLAB, rig, Throws(20)))),))
+    body = Body("slab", described * thrown.vertices, 0.3, CONTACTNETS_CUBE.inertia, 0.3, 0.05)
+    return Evidence(ReadingConfig(body), (Recording("a", series=tuple(recorded(thrown, rig, Throws(20)))),))
 
 
 @pytest.mark.parametrize(
@@ -63,6 +68,12 @@ def test_settings_do_not_hide_the_size_of_a_body() -> None:
         assert not re.search(r"rig\.height|rig\.marker", found.settings)
     assert alone.settings == ""
     assert "rig.scale" in short.settings
+
+
+def test_the_size_of_a_body_does_not_move_its_centre_of_mass() -> None:
+    evidence = seen(Rig(), 0.92, LOPSIDED)
+    assert other_size(evidence) is not None
+    assert "turn about a point" not in " ".join(concluded(evidence).reasons)
 
 
 @pytest.mark.parametrize("rig", [Rig(height=0.004), Rig(height=0.004, marker_offset=(0.004, -0.006, 0.008)), Rig(scale=1.03)])

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.data.moving_parts import NOISES, evidence_of, thrown, tracked, xml
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.geometry import quaternions
+from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.findings import smoothing
 from contact_curation.pipeline.diagnosis.findings.body import moving_parts
@@ -30,7 +31,7 @@ def test_links_that_move_are_told_in_one_line_and_no_wrong_centre_of_mass(kind: 
     found = moving_parts(seen(kind))
     assert found is not None
     assert found.line.startswith("bodies do not move as rigid ones in the air: no point of theirs falls on a parabola")
-    assert seen(kind).moved_centre is None
+    assert seen(kind).moved_centre(NO_CORRECTION) is None
     assert mass_centre(seen(kind)) is None
     assert inertia(seen(kind)) is None
 

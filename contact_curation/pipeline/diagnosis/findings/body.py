@@ -1,7 +1,10 @@
 """Whether the body that was thrown is the described one."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from contact_curation.motion.calibration import NO_CORRECTION, RigCalibration
 from contact_curation.motion.survey.rests import faces, rests_of
 from contact_curation.motion.survey.rig import RigEstimate
 from contact_curation.motion.survey.size import USUAL
@@ -143,6 +146,11 @@ def other_size(evidence: Evidence) -> Finding | None:
     if evidence.mass_centre is None:  # too few flights to see what bodies turn about
         remedy += ", or record more throws: the same is seen of a marker beside the body"
     return Finding(Severity.FAULT if large else Severity.WARNING, what, remedy)
+
+
+def beside_size(evidence: Evidence, rig: RigCalibration) -> RigCalibration:
+    """What is left of a rig, where a body of another size explains the heights, which settings would hide."""
+    return rig if other_size(evidence) is None else replace(rig, height=0.0, marker_offset=NO_CORRECTION.marker_offset)
 
 
 def moving_parts(evidence: Evidence) -> Finding | None:

@@ -1,17 +1,14 @@
 """Level, height and length scale of the rig, and the marker in the body: what settings can correct."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from contact_curation.motion.calibration import NO_CORRECTION
 from contact_curation.motion.scales import size_of
 from contact_curation.motion.survey.inertia import shape_of
 from contact_curation.motion.survey.rig import RigEstimate, worth_correcting
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.diagnosis.evidence import Evidence
 from contact_curation.pipeline.diagnosis.finding import Finding, Severity
-from contact_curation.pipeline.diagnosis.findings.body import other_shape, other_size
+from contact_curation.pipeline.diagnosis.findings.body import beside_size, other_shape, other_size
 from contact_curation.pipeline.reading import center_of_mass_option
 from contact_curation.pipeline.wording import counted_tosses
 
@@ -122,8 +119,9 @@ def marker(evidence: Evidence) -> Finding | None:
 
 def mass_centre(evidence: Evidence) -> Finding | None:
     """Bodies that turn about another point than the described centre of mass."""
-    rig, centre, body = _rig(evidence), evidence.moved_centre, evidence.body
-    if rig is None or centre is None:
+    rig, body = _rig(evidence), evidence.body
+    centre = None if rig is None else evidence.moved_centre(beside_size(evidence, rig.rig))
+    if centre is None:
         return None
     place = body.center_of_mass + centre.place
     what = (
@@ -162,9 +160,7 @@ def _rig(evidence: Evidence) -> RigEstimate | None:
 
 
 def _finding(evidence: Evidence, rig: RigEstimate, large: bool, what: str) -> Finding:
-    correction = worth_correcting(rig)
-    if other_size(evidence) is not None:  # it explains the heights, which settings would hide
-        correction = replace(correction, height=0.0, marker_offset=NO_CORRECTION.marker_offset)
+    correction = beside_size(evidence, worth_correcting(rig))
     return Finding(Severity.FAULT if large else Severity.WARNING, what, MEND, rig=correction)
 
 
