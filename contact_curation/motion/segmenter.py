@@ -391,7 +391,9 @@ class TossSegmenter:
             return (self._given_up(f"frames: found {frames} without rest, expected rest within {self.config.most_frames}"),)
         if frames % LOOKED_AFTER == 0 and self._still < frames_at_rest and self._is_held():
             held = f"{self._bounds.settle_time:.2g} s in the air"
-            return (self._given_up(f"caught: found the body held for {held}, expected rest on the board"),)
+            caught = self._given_up(f"caught: found the body held for {held}, expected rest on the board")
+            self._moved_ns = None  # for so long nothing fell: the next fall is another motion
+            return (caught,)
         return ()
 
     def _is_held(self) -> bool:

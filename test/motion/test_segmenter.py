@@ -269,12 +269,12 @@ def test_a_body_held_still_but_not_flat_is_not_at_rest() -> None:
     assert isinstance(only(cut(tilted, replace(config, flat_tolerance=0.02))), Toss)
 
 
-def caught(held: float, falls: int = 15) -> list[BodyPose]:
+def caught(held: float, falls: int = 15, carried: int = Throw.carried) -> list[BodyPose]:
     """A body that is caught in mid-air, held for some seconds, and thrown again."""
     first = stream(Throw(position=(0.1, 0.2, 0.6), seen=falls))
     askew = compose(first[-1].pose, ScalarPose((0.0, 0.0, 0.0), (cos(0.3), sin(0.3), 0.0, 0.0)))
     still = [BodyPose(first[-1].stamp_ns + number * PERIOD_NS, askew) for number in range(1, round(held * 148))]
-    return [*first, *still, *stream(start_ns=still[-1].stamp_ns + PERIOD_NS)]
+    return [*first, *still, *stream(Throw(carried=carried), still[-1].stamp_ns + PERIOD_NS)]
 
 
 @pytest.mark.parametrize("falls", range(12, 30))
@@ -291,6 +291,12 @@ def test_a_body_that_is_caught_ends_its_motion_and_the_next_throw_is_a_toss(fall
     segmenter = fresh()
     at_once = [*segmenter.push_run(run), *segmenter.flush()]
     assert [toss_of(one).digest() for one in at_once] == [toss_of(one).digest() for one in ended]
+
+
+@pytest.mark.parametrize("held", [0.42, 0.46, 0.5])
+def test_a_throw_soon_after_a_catch_is_another_motion(held: float) -> None:
+    ended = cut(caught(held, carried=0))
+    assert [type(outcome) for outcome in ended] == [Rejected, Toss]
 
 
 def test_a_body_is_looked_at_for_some_frames_before_it_counts_as_held() -> None:
