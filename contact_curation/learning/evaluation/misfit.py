@@ -132,9 +132,9 @@ def slides_apart_in_words(found: Sliding | None) -> str:
 
 
 def sliding_of(tosses: Sequence[Toss], body: Body) -> Sliding | None:
-    """Frictions of the tosses that slide; None of fewer than `FEWEST_SLIDING`."""
+    """Frictions of the tosses that slide; None of fewer than `FEWEST_SLIDING`, or where most become faster."""
     found = sliding(tosses, _reach(body), body.gravity)
-    return found if len(found.friction) >= FEWEST_SLIDING else None
+    return found if len(found.friction) >= FEWEST_SLIDING and found.median > 0.0 else None
 
 
 def sliding_in_words(found: Sliding | None, friction: float, interval: float) -> str:

@@ -38,7 +38,7 @@ class Sliding:
     """Frictions of K tosses that slid.
 
     Attributes:
-        friction: (K,) of each.
+        friction: (K,) of each; negative where it became faster.
         error: (K,) its standard error.
         toss_ids: of each; empty where they are of no matter.
     """
@@ -115,7 +115,7 @@ def _of_toss(toss: Toss, radius: float, gravity: float) -> tuple[float, float] |
         return None
     precision = slowed[:, 1] ** -2.0
     mean = float(precision @ slowed[:, 0] / precision.sum())
-    return (mean, float(precision.sum() ** -0.5)) if mean > 0.0 else None
+    return mean, float(precision.sum() ** -0.5)
 
 
 def _long(edges: NDArray[np.intp]) -> list[tuple[int, int]]:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from contact_curation.contact.body import CONTACTNETS_CUBE as CUBE
+from contact_curation.learning.evaluation.misfit import sliding_of
 from contact_curation.motion.survey.sliding import Sliding, sliding
 from contact_curation.motion.toss import Toss
 
@@ -11,10 +12,10 @@ FRICTION, GRAVITY, RATE = 0.4, 9.81, 250.0
 RADIUS = float(np.linalg.norm(CUBE.vertices, axis=1).max())
 
 
-def thrown(flight: int, slide: int, seed: int = 0) -> Toss:
+def thrown(flight: int, slide: int, seed: int = 0, friction: float = FRICTION) -> Toss:
     """So many frames about the top of a flight, then others in which it slides; it never turns."""
     falls = -GRAVITY * (np.arange(flight) - 0.5 * flight) / RATE
-    forward = np.concatenate([np.full(flight, 1.5), 1.5 - FRICTION * GRAVITY * np.arange(slide) / RATE])
+    forward = np.concatenate([np.full(flight, 1.5), 1.5 - friction * GRAVITY * np.arange(slide) / RATE])
     count = flight + slide
     linear = np.column_stack([forward, np.zeros(count), np.concatenate([falls, np.zeros(slide)])])
     linear += 1e-3 * np.random.default_rng(seed).standard_normal((count, 3))
@@ -51,6 +52,14 @@ def test_a_toss_slides_otherwise_where_its_friction_is_far_and_surely_off(scatte
     friction = np.append(0.2 + scatter * np.array([-1.5, -1.0, -0.5, 0.0, 0.0, 0.5, 1.0, 1.5]), other)
     found = Sliding(friction, np.full(len(friction), 1e-3))
     assert found.apart.tolist() == [False] * 8 + [apart]
+
+
+def test_a_toss_that_is_pushed_along_so_that_it_becomes_faster_slides_otherwise() -> None:
+    tosses = [thrown(0, 30, seed, -0.1 if seed == 3 else FRICTION) for seed in range(8)]
+    found = sliding_of(tosses, CUBE)
+    assert found is not None
+    assert np.flatnonzero(found.apart).tolist() == [3]
+    assert sliding_of(tosses[3:4] * 5, CUBE) is None
 
 
 @pytest.mark.parametrize("count", [5, 8, 16])
