@@ -8,10 +8,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import pytest
 import rclpy
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterException
 from rclpy.qos import ReliabilityPolicy
 from std_msgs.msg import Empty
@@ -36,7 +40,7 @@ class Small(StageNode):
     def __init__(self) -> None:
         super().__init__("curator")
         self.body = declare(self, "body", "", "file")
-        declare(self, "top", 32, "number", bounds=(1, 1000))
+        declare(self, "top", 32, "number", bounds=(1, 1000), fixed=False)
 
 
 @contextmanager
@@ -53,8 +57,41 @@ def small(*words: str) -> Iterator[Small]:
 
 
 def test_an_empty_list_is_an_empty_list() -> None:
-    with small("-p", "topics:=[]") as node:
+    with small("-p", "topics:=[]", "-p", "base:=[]") as node:
         assert declare(node, "topics", [""], "names") == []
+        assert declare(node, "base", [0.5], "lengths") == []
+        shown = node.get_parameters(["topics", "base"])  # as for `ros2 param dump`, to which one without a value is an error
+        assert [one.get_parameter_value().type for one in shown] == [9, 8]
+        assert node.describe_parameter("topics").type == 9
+
+
+NEW_TOP = ParameterValue(type=2, integer_value=4)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("tpo", NEW_TOP, "unknown parameter tpo: did you mean top?"),
+        ("", NEW_TOP, "unknown parameter '': "),
+        ("top", ParameterValue(), "parameter top: found no value, expected one of its type"),
+        ("top", ParameterValue(type=42), "parameter top: found no value, expected one of its type"),
+        ("tpo", ParameterValue(type=42), "unknown parameter tpo: did you mean top?"),
+    ],
+)
+def test_a_change_that_cannot_be_is_refused_in_one_line_and_the_node_goes_on(name: str, value: Any, says: str) -> None:
+    with small() as node:
+        asked = [ParameterMessage(name="top", value=NEW_TOP), ParameterMessage(name=name, value=value)]
+        services = {one.srv_type: one.callback for one in node.services}
+        together = services[SetParametersAtomically](
+            SetParametersAtomically.Request(parameters=asked), SetParametersAtomically.Response()
+        )
+        assert (together.result.successful, together.result.reason.startswith(says)) == (False, True)
+        assert node.get_parameter("top").value == 32
+        one_by_one = services[SetParameters](SetParameters.Request(parameters=asked), SetParameters.Response())
+        assert [one.successful for one in one_by_one.results] == [True, False]
+        assert one_by_one.results[1].reason.startswith(says)
+        assert node.get_parameter("top").value == 4
+        assert not node.has_parameter(name) or name == "top"
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,15 @@
-"""Checks the parameters that a node was started with: ROS ignores unknown names silently, here they are refused."""
+"""Checks the parameters that a node was started with: ROS ignores unknown names silently, here they are refused.
 
-from collections.abc import Collection, Sequence
+While it runs, changes that rclpy does not judge are refused in one line, too: of an unknown name it says "[]", the empty name
+it takes for a new parameter, and a number that is no type's ends the process.
+"""
+
+from collections.abc import Callable, Collection, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+from rcl_interfaces.msg import ParameterValue
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.utilities import remove_ros_args
@@ -15,6 +21,9 @@ PAGE = "docs/ros/reference.md"
 """That lists all parameters."""
 
 PARAMS_FILE, PARAMETER = "--params-file", ("-p", "--param")
+
+TYPES = {kind.value for kind in Parameter.Type}
+"""Numbers of the types that a parameter may have."""
 
 
 def check_files(words: Sequence[str]) -> None:
@@ -81,3 +90,34 @@ def check_names(node: Node, name: str, words: Sequence[str], beside: Collection[
     for given in node._parameter_overrides:
         if given not in own | of_others and not given.startswith(OF_ROS) and (given in said or given not in others):
             raise UnknownNameError("parameter", given, own)
+
+
+def without_foreign_types(change: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """The callback of a service that sets parameters, for which a value of a type that does not exist is none.
+
+    Args:
+        change: callback of rclpy, which raises there.
+    """
+
+    def checked(request: Any, response: Any) -> Any:
+        for one in request.parameters:
+            if one.value.type not in TYPES:
+                one.value = ParameterValue()
+        return change(request, response)
+
+    return checked
+
+
+def why_unchanged(node: Node, changed: Sequence[Parameter]) -> str:
+    """In one line why parameters cannot be changed, for what rclpy does not explain; empty for nothing.
+
+    Args:
+        node: node that has declared all its parameters.
+        changed: what its parameters shall be.
+    """
+    for one in changed:
+        if not node.has_parameter(one.name):
+            return str(UnknownNameError("parameter", one.name or "''", node._parameters))
+        if one.type_ is Parameter.Type.NOT_SET:
+            return str(InvalidValueError(f"parameter {one.name}", "no value", "one of its type: it cannot be deleted"))
+    return ""

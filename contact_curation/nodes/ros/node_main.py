@@ -22,17 +22,28 @@ from functools import partial
 from typing import Any
 
 import rclpy
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import ParameterException
 from rclpy.executors import ConditionReachedException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.exit_timer import exit_after
 from contact_curation.nodes import left_with, runs_a_node
-from contact_curation.nodes.ros.given_parameters import PAGE, check_files, check_names, check_words, take_former_names
+from contact_curation.nodes.ros.given_parameters import (
+    PAGE,
+    check_files,
+    check_names,
+    check_words,
+    take_former_names,
+    why_unchanged,
+    without_foreign_types,
+)
 from contact_curation.nodes.ros.qos import overridable, overrides_checked
 from contact_curation.nodes.ros.security import check_keystore, explained
 from contact_curation.nodes.ros.worker import Worker
@@ -68,7 +79,16 @@ class StageNode(Node):
     def __init__(self, name: str) -> None:
         super().__init__(name)
         take_former_names(self, name)
+        for service in self.services:
+            if service.srv_type in (SetParameters, SetParametersAtomically):
+                service.callback = without_foreign_types(service.callback)
         self._made = True
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """As in rclpy; a name that the node does not have, and no value, are refused in one line."""
+        if why := why_unchanged(self, parameter_list):
+            return SetParametersResult(successful=False, reason=why)
+        return super().set_parameters_atomically(parameter_list)
 
     def create_publisher(self, *what: Any, **how: Any) -> Any:
         """As in rclpy, with the parameters `qos_overrides.TOPIC.publisher.*` for history, depth and reliability."""

@@ -11,6 +11,7 @@ from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from contact_curation.configs import accepted_range, fields_of
 from contact_curation.errors import UnknownNameError
@@ -54,7 +55,9 @@ def declare(
         descriptor.floating_point_range = [FloatingPointRange(from_value=bounds[0], to_value=bounds[1])]
     value = node.declare_parameter(name, default, descriptor).value
     if value is None and isinstance(default, list):
-        value = []  # an empty list has no type, and rclpy takes it for no value
+        # An empty list has no type, and rclpy takes it for no value, of which `ros2 param dump` makes nonsense for all others.
+        value = []
+        node._parameters[name] = Parameter(name, Parameter.Type.from_parameter_value(default), value)
     if choices and value not in choices:
         raise UnknownNameError(f"{name}", value, choices)
     return value
