@@ -4,6 +4,7 @@ Rerun's own writer ends where a disk is full, and whoever waits for it then wait
 read, and what the system refuses is an error of the file.
 """
 
+import fcntl
 import os
 from pathlib import Path
 from threading import Thread
@@ -24,15 +25,24 @@ class RecordedFile:
         pipe: path to write to.
 
     Raises:
-        InvalidValueError: the file cannot be opened.
+        InvalidValueError: the file cannot be opened, or another process is writing it.
     """
 
     def __init__(self, path: Path) -> None:
         self._path, self._error = path, ""
         try:
-            self._file = path.open("wb", buffering=0)
+            self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise InvalidValueError("rrd", path, f"a path that can be written ({error.strerror})") from error
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self._file.close()
+            raise InvalidValueError("rrd", path, "a file that no other dashboard is writing") from error
+        except OSError:  # a file system without locks
+            pass
+        if path.is_file():
+            self._file.truncate(0)
         self._source, self._sink = os.pipe()
         self.pipe = Path(f"/dev/fd/{self._sink}")
         self._thread = Thread(target=self._copy, daemon=True)

@@ -89,12 +89,13 @@ def open_screen(config: ServingConfig, layout: rrb.Blueprint) -> Screen:
     stream = rr.RecordingStream(APPLICATION, batcher_config=rr.ChunkBatcherConfig(flush_tick=FLUSH_PERIOD))
     sinks: list[rr.GrpcServerSink | rr.FileSink] = []
     viewer: WebViewer | None = None
+    if config.web_port:  # before a file is overwritten
+        for name, port in (("web_port", config.web_port), ("grpc_port", config.grpc_port)):
+            _check_port(name, config.bind, port)
     file = None if config.recording is None else RecordedFile(config.recording)
     if file is not None:
         sinks.append(rr.FileSink(file.pipe, write_footer=config.index))
     if config.web_port:
-        for name, port in (("web_port", config.web_port), ("grpc_port", config.grpc_port)):
-            _check_port(name, config.bind, port)
         page = f"http://{'*' if config.bind == ANYWHERE else config.bind}:{config.web_port}"
         sinks.append(
             rr.GrpcServerSink(config.bind, config.grpc_port, server_memory_limit=config.memory, cors_allow_origin=[page])

@@ -161,6 +161,19 @@ def test_a_port_that_is_taken_is_one_line(taken_port: int, name: str) -> None:
         open_screen(config, ranking_layout(CONTACTNETS_CUBE))
 
 
+def test_a_dashboard_that_cannot_begin_leaves_the_recording_of_another_as_it_is(taken_port: int, tmp_path: Path) -> None:
+    path = tmp_path / "session.rrd"
+    screen = open_screen(ServingConfig(0, recording=path), live_layout(CONTACTNETS_CUBE))
+    with pytest.raises(InvalidValueError, match=r"rrd: found .*session\.rrd, expected a file that no other"):
+        open_screen(ServingConfig(0, recording=path), live_layout(CONTACTNETS_CUBE))
+    close_screen(screen)
+    written = path.read_bytes()
+    assert len(written) > 0
+    with pytest.raises(InvalidValueError, match="web_port"):
+        open_screen(ServingConfig(taken_port, free_port(), recording=path), live_layout(CONTACTNETS_CUBE))
+    assert path.read_bytes() == written
+
+
 def test_a_file_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match=r"rrd: found .*nowhere"):
         open_screen(ServingConfig(0, recording=tmp_path / "nowhere" / "a.rrd"), live_layout(CONTACTNETS_CUBE))
