@@ -7,6 +7,8 @@
 With an arm or a tracker of your own, leave out what stands for it: arm:=false thrower:=none, or camera:=none. With auto:=false
 throws are designed on request alone. Nodes that die are started again. `contact-curation online` does the same without ROS's
 launch, and ends with a summary and a report.
+
+An argument that is empty sets nothing, so that the parameter file counts.
 """
 
 from pathlib import Path
@@ -27,6 +29,15 @@ STORES = {
     "trainer": "trainer.sqlite",
     "throw_designer": "throws.sqlite",
 }
+SET_BY: dict[str, dict[str, tuple[str, type]]] = {
+    "pose_ingest": {"topic": ("topic", str), "tag_map": ("tag_map", str)},
+    "throw_designer": {"auto": ("auto", bool), "max_throws": ("throws", int), "thrower": ("thrower", str)},
+    "sim_arm": {"rate": ("rate", float)},
+    "sim_camera": {"mode": ("camera", str), "tag_map": ("tag_map", str)},
+}
+"""Arguments, with their types, that set parameters of nodes, by node and parameter."""
+
+FILED = "; empty: as params_file has it"
 RESTART_DELAY = 1.0
 """[s]"""
 
@@ -38,62 +49,53 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             "folder", default_value=".", description="folder that stores and recordings are kept in, made if need be"
         ),
-        DeclareLaunchArgument("throws", default_value="0", description="no more throws than these; 0: no end"),
-        DeclareLaunchArgument("rate", default_value="1.0", description="simulated seconds per second; 0: as fast as possible"),
+        DeclareLaunchArgument("throws", default_value="", description=f"no more throws than these; 0: no end{FILED}"),
+        DeclareLaunchArgument(
+            "rate", default_value="", description=f"simulated seconds per second; 0: as fast as possible{FILED}"
+        ),
         DeclareLaunchArgument("arm", default_value="true", description="the simulated arm throws"),
         DeclareLaunchArgument("thrower", default_value="arm", description="who makes the throws: arm; none: one of your own"),
         DeclareLaunchArgument("auto", default_value="true", description="throw after throw, without being asked"),
-        DeclareLaunchArgument("camera", default_value="poses", description="the simulated camera: poses, rendered, or none"),
+        DeclareLaunchArgument("camera", default_value="", description=f"the simulated camera: poses, rendered, or none{FILED}"),
         DeclareLaunchArgument(
-            "topic", default_value="auto", description="the body's poses; auto: found by the name of the body"
+            "topic", default_value="", description=f"the body's poses; auto: found by the name of the body{FILED}"
         ),
-        DeclareLaunchArgument("tag_map", default_value="", description="tags of body and board, for a rendering camera"),
+        DeclareLaunchArgument(
+            "tag_map", default_value="", description=f"tags of body and board, for a rendering camera{FILED}"
+        ),
         DeclareLaunchArgument("dashboard", default_value="false", description="serve the dashboard to a browser"),
         DeclareLaunchArgument("record", default_value="false", description="record all topics into session.mcap"),
         DeclareLaunchArgument(
             "params_file", default_value=default_file, description="parameters of the nodes that no argument sets"
         ),
         DeclareLaunchArgument("namespace", default_value="", description="namespace that holds all nodes and topics"),
-        DeclareLaunchArgument("use_sim_time", default_value="false", description="time from the topic clock of the namespace"),
+        DeclareLaunchArgument(
+            "use_sim_time", default_value="", description=f"time from the topic clock of the namespace{FILED}"
+        ),
         DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn or error"),
     ]
-    own = {
-        "pose_ingest": {
-            "topic": ParameterValue(LaunchConfiguration("topic"), value_type=str),
-            "tag_map": ParameterValue(LaunchConfiguration("tag_map"), value_type=str),
-        },
-        "throw_designer": {
-            "auto": ParameterValue(LaunchConfiguration("auto"), value_type=bool),
-            "max_throws": ParameterValue(LaunchConfiguration("throws"), value_type=int),
-            "thrower": ParameterValue(LaunchConfiguration("thrower"), value_type=str),
-        },
-    }
-    stages = [_node(name, {"store": _in_folder(store), **own.get(name, {})}) for name, store in STORES.items()]
-    return LaunchDescription([*arguments, OpaqueFunction(function=_make_folder), *stages, *_world(), *_listeners()])
+    return LaunchDescription([*arguments, OpaqueFunction(function=_make_folder), OpaqueFunction(function=_nodes)])
 
 
-def _world() -> list[Node]:
-    """What stands for the robot and its tracker."""
-    rate = ParameterValue(LaunchConfiguration("rate"), value_type=float)
-    arm = {"rate": rate, "armed": True, "state": _in_folder("sim_arm.json")}
-    camera = {
-        "mode": ParameterValue(LaunchConfiguration("camera"), value_type=str),
-        "tag_map": ParameterValue(LaunchConfiguration("tag_map"), value_type=str),
-    }
+def _nodes(context: LaunchContext) -> list[Node]:
+    stages = [_node(context, name, {"store": _in_folder(store)}) for name, store in STORES.items()]
+    camera = IfCondition(NotEqualsSubstitution(LaunchConfiguration("camera"), "none"))
     return [
-        _node("sim_arm", arm, IfCondition(LaunchConfiguration("arm"))),
-        _node("sim_camera", camera, IfCondition(NotEqualsSubstitution(LaunchConfiguration("camera"), "none"))),
+        *stages,
+        _node(
+            context, "sim_arm", {"armed": True, "state": _in_folder("sim_arm.json")}, IfCondition(LaunchConfiguration("arm"))
+        ),
+        _node(context, "sim_camera", {}, camera),
+        _node(context, "dashboard", {}, IfCondition(LaunchConfiguration("dashboard"))),
+        _node(context, "session_recorder", {"bag": _in_folder("session.mcap")}, IfCondition(LaunchConfiguration("record"))),
     ]
 
 
-def _listeners() -> list[Node]:
-    return [
-        _node("dashboard", {}, IfCondition(LaunchConfiguration("dashboard"))),
-        _node("session_recorder", {"bag": _in_folder("session.mcap")}, IfCondition(LaunchConfiguration("record"))),
-    ]
-
-
-def _node(name: str, parameters: dict[str, object], condition: IfCondition | None = None) -> Node:
+def _node(context: LaunchContext, name: str, parameters: dict[str, object], condition: IfCondition | None = None) -> Node:
+    """A node with parameters, and with those that arguments set which are not empty."""
+    for parameter, (argument, kind) in {"use_sim_time": ("use_sim_time", bool), **SET_BY.get(name, {})}.items():
+        if LaunchConfiguration(argument).perform(context):
+            parameters[parameter] = ParameterValue(LaunchConfiguration(argument), value_type=kind)
     return Node(
         package=PACKAGE,
         executable=name,
@@ -105,11 +107,7 @@ def _node(name: str, parameters: dict[str, object], condition: IfCondition | Non
         respawn_delay=RESTART_DELAY,
         remappings=[("/clock", "clock")],
         arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-        parameters=[
-            LaunchConfiguration("params_file"),
-            {"use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)},
-            parameters,
-        ],
+        parameters=[LaunchConfiguration("params_file"), *([parameters] if parameters else [])],
     )
 
 

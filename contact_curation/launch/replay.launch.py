@@ -4,7 +4,7 @@
     ros2 launch contact_curation replay.launch.py bag:=session.mcap train:=true
 
 With your own tracker instead of a recording, leave `bag` empty. Without the trainer theta stays, and the buffer is what
-`contact-curation rank` gives.
+`contact-curation rank` gives. An argument that is empty sets nothing, so that the parameter file counts.
 """
 
 from pathlib import Path
@@ -25,6 +25,7 @@ STORES = {
     "trainer": "trainer.sqlite",
 }
 OPTIONAL = "trainer"
+FILED = "; empty: as params_file has it"
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -32,7 +33,7 @@ def generate_launch_description() -> LaunchDescription:
     default_file = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "nodes.yaml"])
     arguments = [
         DeclareLaunchArgument("bag", default_value="", description="recording to play; empty: poses come live"),
-        DeclareLaunchArgument("rate", default_value="1.0", description="recorded seconds a second"),
+        DeclareLaunchArgument("rate", default_value="", description=f"recorded seconds a second{FILED}"),
         DeclareLaunchArgument("folder", default_value=".", description="folder that the stores are kept in, made if need be"),
         DeclareLaunchArgument(
             "train", default_value="false", description="train on the selected tosses, and rank with the trained parameters"
@@ -41,11 +42,17 @@ def generate_launch_description() -> LaunchDescription:
             "params_file", default_value=default_file, description="parameters of the nodes that no argument sets"
         ),
         DeclareLaunchArgument("namespace", default_value="", description="namespace that holds all nodes and topics"),
-        DeclareLaunchArgument("use_sim_time", default_value="false", description="time from the topic clock of the namespace"),
+        DeclareLaunchArgument(
+            "use_sim_time", default_value="", description=f"time from the topic clock of the namespace{FILED}"
+        ),
         DeclareLaunchArgument("log_level", default_value="info", description="debug, info, warn or error"),
     ]
-    bag = ParameterValue(LaunchConfiguration("bag"), value_type=str)  # a bag named 123 is no number
-    more = {"pose_ingest": {"rules_of": bag}}
+    return LaunchDescription([*arguments, OpaqueFunction(function=_make_folder), OpaqueFunction(function=_nodes)])
+
+
+def _nodes(context: LaunchContext) -> list[Node]:
+    sim_time = _given(context, "use_sim_time", "use_sim_time", bool)
+    more = {"pose_ingest": _given(context, "rules_of", "bag", str)}
     stages = [
         Node(
             package=PACKAGE,
@@ -56,8 +63,8 @@ def generate_launch_description() -> LaunchDescription:
             parameters=[
                 LaunchConfiguration("params_file"),
                 {
-                    "use_sim_time": ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool),
                     "store": ParameterValue(PathJoinSubstitution([LaunchConfiguration("folder"), store]), value_type=str),
+                    **sim_time,
                     **more.get(name, {}),
                 },
             ],
@@ -73,14 +80,20 @@ def generate_launch_description() -> LaunchDescription:
         parameters=[
             LaunchConfiguration("params_file"),
             {
-                "bag": bag,
-                "rate": ParameterValue(LaunchConfiguration("rate"), value_type=float),
+                **_given(context, "bag", "bag", str),  # a bag named 123 is no number
+                **_given(context, "rate", "rate", float),
                 "wait_for": 10.0,
                 "stay": True,
             },
         ],
     )
-    return LaunchDescription([*arguments, OpaqueFunction(function=_make_folder), *stages, player])
+    return [*stages, player]
+
+
+def _given(context: LaunchContext, parameter: str, argument: str, kind: type) -> dict[str, object]:
+    """The parameter that an argument sets, unless it is empty."""
+    value = LaunchConfiguration(argument)
+    return {parameter: ParameterValue(value, value_type=kind)} if value.perform(context) else {}
 
 
 def _everywhere() -> dict[str, object]:

@@ -63,8 +63,11 @@ class Recorded:
         self.parts, self.named = parts, named
 
 
-def described(path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
-    """The actions of a launch file; `launch` itself is not on the package index, so that stand-ins take its place."""
+def described(path: Path, monkeypatch: pytest.MonkeyPatch, **given: str) -> list[Recorded]:
+    """The actions of a launch file, and those that its functions give for arguments.
+
+    `launch` itself is not on the package index, so that stand-ins take its place.
+    """
     tree = {
         "launch": ["LaunchContext", "LaunchDescription"],
         "launch.actions": ["DeclareLaunchArgument", "OpaqueFunction"],
@@ -80,24 +83,44 @@ def described(path: Path, monkeypatch: pytest.MonkeyPatch) -> list[Recorded]:
         for one in classes:
             setattr(module, one, type(one, (Recorded,), {}))
         monkeypatch.setitem(sys.modules, name, module)
-    description = runpy.run_path(str(path))["generate_launch_description"]()
-    return list(description.parts[0])
+    monkeypatch.setattr(Recorded, "perform", lambda value, context: context[value.parts[0]], raising=False)
+    actions = list(runpy.run_path(str(path))["generate_launch_description"]().parts[0])
+    context = {one.parts[0]: one.named["default_value"] for one in actions if type(one).__name__ == "DeclareLaunchArgument"}
+    for one in [one for one in actions if type(one).__name__ == "OpaqueFunction"]:
+        actions += one.named["function"]({**context, **given}) or []
+    return actions
+
+
+def parameters_of(node: Recorded) -> dict[str, Any]:
+    """The parameters of a node that its launch file sets itself."""
+    return {name: value for part in node.named["parameters"] if isinstance(part, dict) for name, value in part.items()}
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
 def test_a_launch_file_starts_nodes_that_there_are_with_parameters_that_they_have(
-    path: Path, declared: dict[str, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    path: Path, declared: dict[str, dict[str, Any]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    actions = described(path, monkeypatch)
-    nodes = [one.named for one in actions if type(one).__name__ == "Node"]
-    arguments = {one.parts[0] for one in actions if type(one).__name__ == "DeclareLaunchArgument"}
-    for node in nodes:
-        assert node["package"] == "contact_curation"
-        assert node["name"] == node["executable"]
-        assert used_arguments(node["parameters"][0]) == {"params_file"}, node["executable"]  # before what arguments set
-        own = {name: value for part in node["parameters"] if isinstance(part, dict) for name, value in part.items()}
-        assert set(own) <= {*declared[node["executable"]], *OF_RCLPY}, node["executable"]
+    arguments = {one.parts[0] for one in described(path, monkeypatch) if type(one).__name__ == "DeclareLaunchArgument"}
+    actions = described(path, monkeypatch, **{name: str(tmp_path) for name in arguments})
+    for one in actions:
+        if type(one).__name__ == "Node":
+            node = one.named
+            assert node["package"] == "contact_curation"
+            assert node["name"] == node["executable"]
+            assert used_arguments(node["parameters"][0]) == {"params_file"}, node["executable"]  # before what arguments set
+            assert set(parameters_of(one)) <= {*declared[node["executable"]], *OF_RCLPY}, node["executable"]
     assert used_arguments(actions) == arguments
+
+
+@pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
+def test_an_argument_that_is_not_given_leaves_the_parameter_to_the_file(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes = [one for one in described(path, monkeypatch) if type(one).__name__ == "Node"]
+    values = [parameter for node in nodes for parameter in parameters_of(node).items()]
+    assert {name for name, value in values if used_arguments(value) - {"folder"}} <= {"auto", "thrower"}
+    given = described(path, monkeypatch, rate="2.0", use_sim_time="true", bag="123")
+    rated = {node.named["name"]: parameters_of(node) for node in given if type(node).__name__ == "Node"}
+    assert {name for name, one in rated.items() if "rate" in one} == {"sim_arm" if "online" in path.name else "player"}
+    assert {name for name, one in rated.items() if "use_sim_time" not in one} <= {"player"}
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
@@ -106,7 +129,6 @@ def test_a_launch_file_makes_its_folder_before_it_starts_nodes(
 ) -> None:
     actions = described(path, monkeypatch)
     kinds = [type(one).__name__ for one in actions]
-    monkeypatch.setattr(Recorded, "perform", lambda value, context: context[value.parts[0]], raising=False)
     for _ in range(2):
         actions[kinds.index("OpaqueFunction")].named["function"]({"folder": str(tmp_path / "a" / "b")})
     assert (tmp_path / "a" / "b").is_dir()
@@ -137,8 +159,9 @@ def test_the_loop_is_launched_with_all_eight_nodes(monkeypatch: pytest.MonkeyPat
 
 def test_the_loop_finds_the_poses_of_any_body(monkeypatch: pytest.MonkeyPatch) -> None:
     actions = described(PACKAGE / "launch" / "online.launch.py", monkeypatch)
-    declared = [one for one in actions if type(one).__name__ == "DeclareLaunchArgument"]
-    assert {one.parts[0]: one.named["default_value"] for one in declared}["topic"] == "auto"
+    (ingest,) = [one for one in actions if type(one).__name__ == "Node" and one.named["name"] == "pose_ingest"]
+    assert "topic" not in parameters_of(ingest)
+    assert read_node_parameters(CONFIG)["pose_ingest"]["topic"] == ""
 
 
 def test_every_argument_has_a_description(monkeypatch: pytest.MonkeyPatch) -> None:
