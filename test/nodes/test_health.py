@@ -119,6 +119,16 @@ def test_a_status_has_a_node_and_what_it_is_about_and_is_told_from_others(monkey
     assert (shown.name, dict(shown.values)) == ("/cell_1/curator", {"bad_toss": "2"})
 
 
+def test_a_publisher_of_another_type_is_named_where_a_node_waits() -> None:
+    subscription = Mock(topic_name="/toss", msg_type=ModelParameters)
+    node = Mock(subscriptions=[subscription], resolve_topic_name=lambda topic: f"/{topic}")
+    node.get_publishers_info_by_topic.return_value = [Mock(topic_type="std_msgs/msg/String")]
+    found = "found std_msgs/msg/String there, expected contact_curation_msgs/msg/ModelParameters"
+    assert awaited(node, "tosses", "toss") == f"tosses on /toss: {found}"
+    node.get_publishers_info_by_topic.return_value.append(Mock(topic_type="contact_curation_msgs/msg/ModelParameters"))
+    assert awaited(node, "tosses", "toss") == "tosses on /toss"
+
+
 def test_the_aggregator_groups_every_status_once_in_any_namespace() -> None:
     package = Path(contact_curation.__file__).parent
     told = r'HealthReport\(self, "(\w+)"'

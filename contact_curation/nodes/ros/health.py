@@ -209,6 +209,16 @@ def node_of(status: str) -> str:
 
 
 def awaited(node: Node, what: str, topic: str) -> str:
-    """Says what a node waits for, on which topic, and whether anybody publishes it."""
+    """Says what a node waits for, on which topic, and whether anybody publishes it, as a type that the node subscribes to."""
     name = node.resolve_topic_name(topic)
-    return f"{what} on {name}" + ("" if node.count_publishers(name) else ", which nobody publishes")
+    found = {one.topic_type for one in node.get_publishers_info_by_topic(name)}
+    expected = {_type_name(one.msg_type) for one in node.subscriptions if one.topic_name == name}
+    if not found:
+        return f"{what} on {name}, which nobody publishes"
+    if expected and not expected & found:
+        return f"{what} on {name}: found {', '.join(sorted(found))} there, expected {', '.join(sorted(expected))}"
+    return f"{what} on {name}"
+
+
+def _type_name(message: type) -> str:
+    return f"{message.__module__.partition('.')[0]}/msg/{message.__name__}"
