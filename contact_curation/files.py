@@ -264,6 +264,30 @@ def partial_name(path: Path) -> Path:
     return path.with_name(f"{_prefix(path)}{token_hex(4)}")
 
 
+def claimed(path: Path) -> Callable[[], None]:
+    """Makes this process the only one that replaces a file, until what is returned is called.
+
+    By a lock on a hidden file beside it, which stays: a file that is replaced keeps no lock. A folder that is not there, or a
+    file system without locks, claims nothing.
+
+    Raises:
+        UnreadableInputError: another process has claimed it.
+    """
+    try:
+        descriptor = os.open(path.with_name(f".{path.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    except OSError:
+        return lambda: None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(descriptor)
+        why = "is written by another process, expected one that nobody writes: give each node a file of its own"
+        raise UnreadableInputError(path, why) from error
+    except OSError:
+        pass
+    return lambda: os.close(descriptor)
+
+
 def _prefix(path: Path) -> str:
     return f".{path.name}.partial-"
 

@@ -117,3 +117,14 @@ def test_a_file_system_that_cannot_wait_for_the_disk_is_no_error(
     with pytest.raises(UnwritableOutputError) if raises else nullcontext():
         write_atomically(tmp_path / "a.json", b"{}")
     assert [one.name for one in tmp_path.iterdir()] == ([] if raises else ["a.json"])
+
+
+def test_a_file_that_is_replaced_is_claimed_once_until_it_is_released(tmp_path: Path) -> None:
+    path = tmp_path / "state.json"
+    release = files.claimed(path)
+    files.write_atomically(path, b"1")
+    with pytest.raises(UnreadableInputError, match=r"state\.json: is written by another process"):
+        files.claimed(path)
+    release()
+    files.claimed(path)()
+    files.claimed(tmp_path / "nowhere" / "state.json")()

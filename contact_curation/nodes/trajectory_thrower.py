@@ -22,6 +22,7 @@ from std_srvs.srv import Trigger
 
 from contact_curation.design.release_delay import DelayConfig
 from contact_curation.errors import InvalidValueError, UnwritableOutputError
+from contact_curation.files import claimed
 from contact_curation.motion.body_tracker import BodyPose, BodyTracker
 from contact_curation.motion.release import ReleaseConfig
 from contact_curation.motion.toss import NANOSECONDS
@@ -99,6 +100,7 @@ class TrajectoryThrower(GatedArm):
         self.serve_gate(SafetyGate(gate), self._now)
         planner = described_planner(self._body, arm, steady)
         self._joints, self._flange = arm.joints, arm.flange
+        self._release_state = claimed(self._state_path)
         self._recorded = read_record(self._state_path, GripperRecord)
         self._stage = TrajectoryThrow(
             self._body, planner.arm.limits, planner.arm.home_posture, lambda throw: planned_throw(planner, throw),
@@ -131,6 +133,7 @@ class TrajectoryThrower(GatedArm):
         if stop is not None:
             self._controller.send_at_end(stop)
         self._server.close()
+        self._release_state()
 
     def _listen(self, config: TrajectoryConfig, controller_state: str, scaling: str) -> None:
         often = profile(50, reliable=False, latched=False)

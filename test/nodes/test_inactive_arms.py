@@ -10,6 +10,7 @@ import pytest
 import rclpy
 from std_srvs.srv import Trigger
 
+from contact_curation.errors import UnreadableInputError
 from contact_curation.nodes.messages.headers import Stamped
 from contact_curation.nodes.messages.throw import throw_message
 from contact_curation.nodes.sim_arm import SimArm
@@ -93,6 +94,16 @@ def test_a_throw_ends_though_what_was_learned_cannot_be_written_and_that_is_writ
         (tmp_path / "gripper.json").rmdir()
         assert node._done(goal, Step(ending=Ending(True, "thrown")))
         assert read_record(tmp_path / "gripper.json", GripperRecord) == node._stage.record
+
+
+def test_two_throwers_do_not_learn_their_grippers_into_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with arm(TrajectoryThrower):
+        release = "gripper.json: is written by another process, expected one that nobody writes: give each node a file"
+        with pytest.raises(UnreadableInputError, match=release):
+            TrajectoryThrower()
+    with arm(TrajectoryThrower) as again:
+        assert again._recorded is None
 
 
 def test_an_arm_that_arms_itself_does_so_at_its_first_activation_and_not_after_it_was_deactivated() -> None:
