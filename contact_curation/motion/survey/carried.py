@@ -10,7 +10,7 @@ against what they say. All seven unknowns are solved together by least squares o
 is not taken for the other. Errors are the jackknife's, which leaves out one rest after the other.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -68,12 +68,14 @@ class Wander:
     """How bodies that lie still seem to move.
 
     Attributes:
+        frame: that they were measured in.
         rests: so many were looked at.
         lead: s; 0 where it is none for certain [s].
         by_lead: how far it moves bodies, root mean square [m].
         by_place: likewise the carrier's displacement and turn; 0 where these are none for certain.
     """
 
+    frame: str
     rests: int
     lead: float
     by_lead: float
@@ -85,10 +87,12 @@ class Scatter:
     """By what poses of bodies that hardly move scatter, root mean square over the three axes together.
 
     Attributes:
+        frame: that they were measured in.
         on_board: [m].
         in_carrier: as they were measured [m].
     """
 
+    frame: str
     on_board: float
     in_carrier: float
 
@@ -109,8 +113,16 @@ class _Rest(NamedTuple):
     seen: Array  # (7,)
 
 
+def of_each_frame(carried: Iterable[Carried]) -> tuple[tuple[Carried, ...], ...]:
+    """Those of one frame together: cameras that different arms move are late, and mounted wrongly, each for itself."""
+    found: dict[str, tuple[Carried, ...]] = {}
+    for one in carried:
+        found[one.frame] = (*found.get(one.frame, ()), one)
+    return tuple(found.values())
+
+
 def wander(carried: Sequence[Carried]) -> Wander | None:
-    """How bodies move on the board while they lie still; None of too few rests in which their carrier moves."""
+    """How bodies, measured in one frame, move on the board while they lie still; None of too few rests in which that moves."""
     rests = [rest for one in carried for rest in _rests(one, 0.0)]
     if len(rests) < FEWEST:
         rests = [rest for one in carried for rest in _rests(one, SHARE)]
@@ -129,11 +141,11 @@ def wander(carried: Sequence[Carried]) -> Wander | None:
 
     by_lead, by_place = moved(TIME), moved(PLACE)
     lead = float(values[0]) if by_lead else 0.0
-    return Wander(len(rests), lead, by_lead, by_place if by_place > BESIDE * by_lead else 0.0)
+    return Wander(carried[0].frame, len(rests), lead, by_lead, by_place if by_place > BESIDE * by_lead else 0.0)
 
 
 def scatter(carried: Sequence[Carried]) -> Scatter | None:
-    """By what poses of bodies that hardly move scatter; None of too few, or where a filter may hide some of it."""
+    """By what poses, in one frame, of bodies that hardly move scatter; None of too few, or where a filter may hide some."""
     still = [each for one in carried for each in _still(one, 0.0)]
     if len(still) < FEWEST:
         return None
@@ -144,7 +156,7 @@ def scatter(carried: Sequence[Carried]) -> Scatter | None:
         return None
     on_board = np.median([_scatter(each.places, step) for each, step in zip(still, steps)])
     in_carrier = np.median([_scatter(each.seen, step) for each, step in zip(still, steps)])
-    return Scatter(float(on_board), float(in_carrier))
+    return Scatter(carried[0].frame, float(on_board), float(in_carrier))
 
 
 def _scatter(places: Array, step: int) -> float:

@@ -13,7 +13,7 @@ from contact_curation.learning.evaluation.misfit import DEEP, bounce_in_words, i
 from contact_curation.motion.calibration import RigCalibration
 from contact_curation.motion.pose_noise import MOST, RIG_NOISE
 from contact_curation.motion.scales import size_of
-from contact_curation.motion.survey.carried import Carried, Scatter, Wander, scatter, wander
+from contact_curation.motion.survey.carried import Carried, Scatter, Wander, of_each_frame, scatter, wander
 from contact_curation.motion.survey.falls import Survey, survey
 from contact_curation.motion.survey.inertia import InertiaShape, inertia_shape
 from contact_curation.motion.survey.mass_centre import MassCentre, mass_centre
@@ -167,20 +167,20 @@ class Evidence:
         return on_board(survey([one for _, one in self.series]), self.body.polytope)
 
     @property
-    def carried(self) -> tuple[Carried, ...]:
-        """Poses that were measured in frames that transforms move; images that show the board, too, need none."""
+    def carried(self) -> tuple[tuple[Carried, ...], ...]:
+        """Poses of each frame that transforms move; images that show the board, too, need none."""
         moved = [one for one in self.recordings if one.tags is None or not one.tags.has_board]
-        return tuple(carried for one in moved for carried in one.carried)
+        return of_each_frame(carried for one in moved for carried in one.carried)
 
     @cached_property
-    def wander(self) -> Wander | None:
-        """How bodies that lie still move as what carries the camera does."""
-        return wander(self.carried)
+    def wanders(self) -> tuple[Wander, ...]:
+        """How bodies that lie still move as what carries the camera does; for each frame of which that is known."""
+        return tuple(filter(None, map(wander, self.carried)))
 
     @cached_property
-    def scatter(self) -> Scatter | None:
-        """By what they scatter on the board and in what carries the camera."""
-        return scatter(self.carried)
+    def scatters(self) -> tuple[Scatter, ...]:
+        """By what they scatter on the board and in what carries the camera; likewise."""
+        return tuple(filter(None, map(scatter, self.carried)))
 
     @cached_property
     def mass_centre(self) -> MassCentre | None:

@@ -14,6 +14,8 @@ from contact_curation.geometry.scalars import ScalarPose, compose, inverse, vect
 from contact_curation.motion.pose_stream import FramePose
 from contact_curation.motion.toss import NANOSECONDS
 from contact_curation.pipeline.diagnosis import FEWEST_MESSAGES, Diagnosis, diagnose
+from contact_curation.pipeline.diagnosis.evidence import Evidence
+from contact_curation.pipeline.diagnosis.findings.carried import out_of_step
 from contact_curation.pipeline.diagnosis.recording import OTHERS, read_recording
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.storage.bags.writer import BagWriter
@@ -106,6 +108,22 @@ def test_transforms_that_are_out_of_step_are_named_and_no_wrong_body(lead: float
     assert not any("transforms" in line for line in (mended.verdict, *mended.reasons)), mended
 
 
+def test_of_two_cameras_that_arms_move_the_one_with_late_transforms_is_named(session: Session, tmp_path: Path) -> None:
+    config = ReadingConfig(CONTACTNETS_CUBE)
+    sound, late = (
+        read_recording(written(tmp_path / f"{lead}.mcap", session, lead=lead), config, 10**6) for lead in (0.0, -0.03)
+    )
+    late = replace(late, carried=tuple(replace(one, frame="wrist") for one in late.carried))
+    evidence = Evidence(config, (sound, late))
+    (found,) = [one for one in evidence.wanders if one.by_lead]
+    assert found.frame == "wrist"
+    assert found.lead == pytest.approx(-0.03, abs=5e-4)
+    said = out_of_step(evidence)
+    assert said is not None
+    assert "as 'wrist' does: the transforms that move it are 30 ms behind the poses" in said.line
+    assert not said.settings, "it would move those of the sound camera, too"
+
+
 def test_noisy_transforms_are_named_and_no_filter_behind_the_tracker(session: Session, tmp_path: Path) -> None:
     found = diagnosed(tmp_path / "a.mcap", session, noise=4e-4)
     assert "mm in 'camera': the transforms between it and the board are noisy" in found.verdict
@@ -158,6 +176,14 @@ def test_noise_in_flight_is_no_disagreement_of_cameras_that_take_over_there(sess
     blurred = replace(session, poses=session.poses + np.pad(noise, [(0, 0), (0, 4)]))
     turns = np.cumsum(flying) // 7
     found = by_two(tmp_path / "a.mcap", blurred, lambda frame: "ab"[turns[frame] % 2])
+    assert not any("poses jump" in line for line in (found.verdict, *found.reasons)), found
+
+
+def test_a_camera_that_is_noisier_than_the_other_one_does_not_disagree_with_it(session: Session, tmp_path: Path) -> None:
+    seldom = np.arange(len(session.poses)) % 20 < 5
+    noise = np.where(seldom, 3e-4, 0.0)[:, np.newaxis] * np.random.default_rng(0).standard_normal((len(seldom), 3))
+    blurred = replace(session, poses=session.poses + np.pad(noise, [(0, 0), (0, 4)]))
+    found = by_two(tmp_path / "a.mcap", blurred, lambda frame: "ab"[int(seldom[frame])])
     assert not any("poses jump" in line for line in (found.verdict, *found.reasons)), found
 
 

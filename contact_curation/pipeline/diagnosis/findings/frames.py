@@ -1,5 +1,7 @@
 """Whether the board's frame was found, and whose poses these are."""
 
+from collections import defaultdict
+
 import numpy as np
 
 from contact_curation.geometry.quaternions import Array
@@ -19,8 +21,8 @@ MANY = 0.01
 
 
 FEWEST_CHANGES, CERTAIN, LEAST, SPOILS, MOST = 5, 6.0, 2e-4, 1e-3, 0.05
-"""Changes from frame to frame, and times the usual unevenness of a motion; [m] by which poses jump with them, by which they
-spoil tosses, and by which they would if the body had been carried away meanwhile."""
+"""Changes from frame to frame, and times the usual unevenness of a motion as the noisiest camera sees it; [m] by which poses
+jump with them, by which they spoil tosses, and by which they would if the body had been carried away meanwhile."""
 
 SMOOTH = 0.5
 """Of a jump: so little a step after it differs from the one before it, where nothing strikes the body."""
@@ -32,11 +34,13 @@ NEARBY = 0.1
 def disagreeing(evidence: Evidence) -> Finding | None:
     """Cameras that see the body one after the other, at places that differ: it jumps when another one sees it."""
     found = [_jumps(one) for one in evidence.recordings if len(one.parents) > 1]
-    changes, others = (np.concatenate(parts) for parts in zip(*found)) if found else (np.zeros(0), np.zeros(0))
-    if len(changes) < FEWEST_CHANGES or not len(others) or stamps.disagreeing(evidence) is not None:
+    changes = np.concatenate([np.zeros(0), *(jumps for jumps, _ in found)])
+    others = {name: np.concatenate([own[name] for _, own in found if name in own]) for _, each in found for name in each}
+    uneven = [float(np.median(sizes)) for sizes in others.values() if len(sizes) >= FEWEST_CHANGES]
+    if len(changes) < FEWEST_CHANGES or not uneven or stamps.disagreeing(evidence) is not None:
         return None
     size = float(np.median(changes))
-    if size < max(LEAST, CERTAIN * float(np.median(others))):
+    if size < max(LEAST, CERTAIN * max(uneven)):
         return None
     names = " and ".join(
         f"'{name}'" for name in sorted(next(one.parents for one in evidence.recordings if len(one.parents) > 1))
@@ -47,9 +51,12 @@ def disagreeing(evidence: Evidence) -> Finding | None:
     return Finding(severity, what, remedy, other_poses=True)
 
 
-def _jumps(one: Recording) -> tuple[Array, Array]:
-    """By how much steps differ from those around them: steps to another frame amid smooth motion, and those near them [m]."""
-    changes, others = [np.zeros(0)], [np.zeros(0)]
+def _jumps(one: Recording) -> tuple[Array, dict[str, Array]]:
+    """By how much steps differ from those around them [m]: steps to another frame amid smooth motion; those near, by frame.
+
+    One camera may be much noisier than the other.
+    """
+    changes, others = [np.zeros(0)], defaultdict[str, list[Array]](list)
     for series in one.series:
         _, own, measured = np.intersect1d(series.stamps_ns, one.measured.stamps_ns, return_indices=True)
         names, moved = one.measured.frames[measured], np.diff(series.positions[own], axis=0)
@@ -62,8 +69,10 @@ def _jumps(one: Recording) -> tuple[Array, Array]:
         sizes = np.linalg.norm(moved[1:-1] - 0.5 * (moved[:-2] + moved[2:]), axis=1)
         smooth = (np.linalg.norm(moved[2:] - moved[:-2], axis=1) < SMOOTH * sizes) & (sizes < MOST)
         changes.append(sizes[beside & other[1:-1] & smooth])
-        others.append(sizes[beside & ~other[1:-1] & near[1:-1]])
-    return np.concatenate(changes), np.concatenate(others)
+        usual = beside & ~other[1:-1] & near[1:-1]
+        for name in set(names[1:-2][usual].tolist()):
+            others[name].append(sizes[usual & (names[1:-2] == name)])
+    return np.concatenate(changes), {name: np.concatenate(found) for name, found in others.items()}
 
 
 def board_is_not_found(evidence: Evidence) -> Finding | None:
