@@ -30,6 +30,9 @@ from contact_curation.storage.bags.session import SessionBag
 LOOK_PERIOD = 0.2
 """Time between looks at the graph [s]."""
 
+LOOKS_AFTER = 10
+"""So many more times what was received is written at once after a toss: a busy machine delivers its poses late."""
+
 SCHEMA_ENCODING = "ros2msg"
 
 RESULT = "contact_curation_msgs/msg/Toss"
@@ -77,7 +80,7 @@ class SessionRecorder(StageNode):
         self._waiting: deque[tuple[RawMessage, OfferedQos]] = deque()
         self._topics: dict[str, FollowedTopic] = {}
         self._left_out: set[tuple[str, str]] = set()
-        self._stored = False
+        self._stored = 0
         self._bag: SessionBag | None = None
         self._worker = Worker(self.fail)
         self._worker.do(lambda: self._open(Path(path)))
@@ -96,8 +99,8 @@ class SessionRecorder(StageNode):
 
     def _follow(self) -> None:
         """Subscribes to topics that are new or whose quality of service changed."""
-        if self._stored:  # poses may have been received after their toss
-            self._stored = False
+        if self._stored:  # poses may be received after their toss
+            self._stored -= 1
             self._flushing.want()
         for topic, types in self.get_topic_names_and_types():
             hidden = any(part.startswith("_") for part in topic.split("/"))
@@ -139,7 +142,7 @@ class SessionRecorder(StageNode):
         self._waiting.append((message, heard.qos))
         self._writing.want()
         if heard.type == RESULT:
-            self._stored = True
+            self._stored = LOOKS_AFTER
             self._flushing.want()
 
     def _missed(self, event: Any) -> None:
