@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
@@ -247,7 +247,7 @@ def _lines(ranked: RankedTosses) -> Iterator[str]:
 def _html(ranked: RankedTosses) -> str:
     """The best tosses, as a table."""
     head = "".join(f"<th>{escape(name)}</th>" for name in COLUMNS)
-    cells = [_cells(ranked, row) for row in ranked.ranked_rows[:LISTED]]
+    cells = _cells(ranked, ranked.ranked_rows[:LISTED])
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in cells)
     totals = "; ".join(f"{count} {escape(name)}" for name, count in ranked.outcomes.items())
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table><p>{totals}</p>"
@@ -256,7 +256,7 @@ def _html(ranked: RankedTosses) -> str:
 def _table(ranked: RankedTosses) -> Iterator[str]:
     """The best tosses, and those that were rejected."""
     rejected = [row for row in ranked.manifest.rows if row.rank is None]
-    rows = [COLUMNS, *(_cells(ranked, row) for row in (*ranked.ranked_rows[:LISTED], *rejected[:LISTED]))]
+    rows = [COLUMNS, *_cells(ranked, (*ranked.ranked_rows[:LISTED], *rejected[:LISTED]))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, widths, COLUMNS, strict=True)
@@ -266,13 +266,25 @@ def _table(ranked: RankedTosses) -> Iterator[str]:
             yield f"and {left} more {name}: --out FILE or --json lists all"
 
 
-def _cells(ranked: RankedTosses, row: ManifestRow) -> tuple[str, ...]:
-    """The columns of a toss."""
+def _files(rows: Sequence[ManifestRow]) -> dict[str, str]:
+    """Inputs by their names, and as they are where several have one name."""
+    inputs = {row.input for row in rows}
+    names = Counter(Path(one).name for one in inputs)
+    return {one: Path(one).name if names[Path(one).name] == 1 else one for one in inputs}
+
+
+def _cells(ranked: RankedTosses, rows: Sequence[ManifestRow]) -> list[tuple[str, ...]]:
+    """The columns of some of its tosses."""
+    files = _files(ranked.manifest.rows)
+    return [_cells_of(ranked, row, files[row.input]) for row in rows]
+
+
+def _cells_of(ranked: RankedTosses, row: ManifestRow, file: str) -> tuple[str, ...]:
     why = ranked.reasons.get(row.toss_id, "") if row.rank is not None else f"rejected: {'; '.join(row.reasons)}"
     return (
         "" if row.rank is None else str(row.rank),
         row.toss_id,
-        Path(row.input).name,
+        file,
         time_of_day(row.first_stamp_ns),
         f"{row.duration:.2f}",
         "" if row.rank is None else f"{100.0 * (row.trace or 0.0) / (ranked.information or 1.0):.1f}",

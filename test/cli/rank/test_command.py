@@ -122,6 +122,17 @@ def test_people_get_a_table_totals_and_evidence(cli: Cli, golden: Path, tmp_path
     assert "certificate: D-efficiency at least" in cli("rank", golden, "--top", "8", "--criterion", "log-det").out
 
 
+def test_recordings_of_one_name_are_told_apart_in_the_table(cli: Cli, tmp_path: Path) -> None:
+    bags = [tmp_path / folder / "session.mcap" for folder in ("monday", "tuesday")]
+    for day, (bag, toss) in enumerate(zip(bags, simulated_tosses(2, 1), strict=True)):
+        bag.parent.mkdir()
+        rig = TagslamRig(rules=SegmenterConfig(), epoch_ns=(1_600_000_000 + 86_400 * day) * 10**9)
+        with BagWriter(bag) as writer:
+            record(writer, CONTACTNETS_CUBE, [toss], rig)
+    table = cli("rank", *bags).out.splitlines()
+    assert {row.split()[2] for row in table[1:3]} == {str(bag) for bag in bags}
+
+
 @pytest.mark.parametrize(("shortest", "said"), [(0.3, False), (0.74, True)])
 def test_where_most_tosses_are_rejected_the_command_is_named_that_says_why(
     shortest: float, said: bool, cli: Cli, golden: Path
