@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
-from typing import Any, BinaryIO
+from typing import IO, Any, BinaryIO
 
 import yaml
 
@@ -264,6 +264,20 @@ def partial_name(path: Path) -> Path:
     return path.with_name(f"{_prefix(path)}{token_hex(4)}")
 
 
+def lock(file: int | IO[bytes], kind: int = fcntl.LOCK_EX) -> bool:
+    """Takes an advisory lock until `file` is closed; False where another process holds it.
+
+    On file systems without locks nothing is taken, and it is True.
+    """
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
 def claimed(path: Path) -> Callable[[], None]:
     """Makes this process the only one that replaces a file, until what is returned is called.
 
@@ -277,14 +291,10 @@ def claimed(path: Path) -> Callable[[], None]:
         descriptor = os.open(path.with_name(f".{path.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
     except OSError:
         return lambda: None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
+    if not lock(descriptor):
         os.close(descriptor)
         why = "is written by another process, expected one that nobody writes: give each node a file of its own"
-        raise UnreadableInputError(path, why) from error
-    except OSError:
-        pass
+        raise UnreadableInputError(path, why)
     return lambda: os.close(descriptor)
 
 
@@ -302,8 +312,7 @@ def _partial(path: Path, make: Callable[[Path], int]) -> tuple[int, Path]:
     while True:
         partial = partial_name(path)
         descriptor = make(partial)
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock(descriptor)
         if partial.exists():  # else somebody took it for one that was left behind
             return descriptor, partial
         os.close(descriptor)

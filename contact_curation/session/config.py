@@ -1,6 +1,5 @@
 """What is asked of a session, and where its things lie."""
 
-import fcntl
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +9,7 @@ from pathlib import Path
 
 from contact_curation.contact.body import CONTACTNETS_CUBE, Body
 from contact_curation.errors import InvalidValueError, UnknownNameError
+from contact_curation.files import lock
 
 CAMERAS = ("poses", "rendered")
 
@@ -130,14 +130,10 @@ class SessionFolder:
             InvalidValueError: another one does.
         """
         descriptor = os.open(self.root, os.O_RDONLY)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
+        if not lock(descriptor):
             os.close(descriptor)
             running = f"{self.root}, in which a session is running"
-            raise InvalidValueError("--record", running, "a new folder, or that of a session that has ended") from error
-        except OSError:  # a file system without locks
-            pass
+            raise InvalidValueError("--record", running, "a new folder, or that of a session that has ended")
         try:
             yield
         finally:

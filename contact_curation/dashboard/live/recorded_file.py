@@ -4,12 +4,12 @@ Rerun's own writer ends where a disk is full, and whoever waits for it then wait
 read, and what the system refuses is an error of the file.
 """
 
-import fcntl
 import os
 from pathlib import Path
 from threading import Thread
 
 from contact_curation.errors import InvalidValueError, UnwritableOutputError
+from contact_curation.files import lock
 
 PIECE = 1 << 16
 """[bytes] What a pipe holds."""
@@ -34,13 +34,9 @@ class RecordedFile:
             self._file = path.open("ab", buffering=0)
         except OSError as error:
             raise InvalidValueError("rrd", path, f"a path that can be written ({error.strerror})") from error
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
+        if not lock(self._file):
             self._file.close()
-            raise InvalidValueError("rrd", path, "a file that no other dashboard is writing") from error
-        except OSError:  # a file system without locks
-            pass
+            raise InvalidValueError("rrd", path, "a file that no other dashboard is writing")
         if path.is_file():
             self._file.truncate(0)
         self._source, self._sink = os.pipe()

@@ -17,7 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from contact_curation.errors import InvalidValueError
-from contact_curation.files import sync_file, writing
+from contact_curation.files import lock, sync_file, writing
 from contact_curation.storage.bags.folder import METADATA_NAME, TopicMetadata, metadata_text
 from contact_curation.storage.bags.records import OfferedQos, profiles_text
 
@@ -248,10 +248,5 @@ def _make_folder(path: Path) -> None:
 
 
 def _lock(file: BinaryIO, path: Path, expected: str, kind: int = fcntl.LOCK_EX) -> None:
-    """Takes an advisory lock until `file` is closed; on file systems without locks nothing happens."""
-    try:
-        fcntl.flock(file, kind | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise InvalidValueError("output", path, expected) from error
-    except OSError:
-        return
+    if not lock(file, kind):
+        raise InvalidValueError("output", path, expected)

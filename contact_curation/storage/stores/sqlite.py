@@ -6,7 +6,6 @@ and it leaves the file consistent (sqlite.org/pragma.html#pragma_synchronous). D
 `reach_disk`, and survive that, too.
 """
 
-import fcntl
 import os
 import sqlite3
 import threading
@@ -18,7 +17,7 @@ from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 from contact_curation.errors import UnreadableInputError
-from contact_curation.files import check_version, sync_folder
+from contact_curation.files import check_version, lock, sync_folder
 from contact_curation.storage.stores.seal import seal
 
 JOURNAL_MARK = bytes.fromhex("d9d505f920a163d7")
@@ -151,13 +150,9 @@ class SqliteStore:
             UnreadableInputError: another process writes the file, or its structure is damaged.
         """
         self._claimed = self.path.open("rb")
-        try:
-            fcntl.flock(self._claimed, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
+        if not lock(self._claimed):
             why = "is written by another process, expected one that nobody writes: give each node a store of its own"
-            raise UnreadableInputError(self.path, why) from error
-        except OSError:  # a file system without locks
-            pass
+            raise UnreadableInputError(self.path, why)
         ((found,),) = self.rows("PRAGMA integrity_check(1)")
         if found != "ok":
             why = f"is damaged ({found}), expected a whole file: put back a copy, or move it away"
