@@ -39,6 +39,7 @@ def worst_miss(vertices: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> f
 @pytest.mark.parametrize(
     "noise", [pytest.param(None, id="exact", marks=pytest.mark.slow), pytest.param(RIG_NOISE, id="tracked")]
 )
+@pytest.mark.slow
 def test_a_body_is_recovered_within_a_millimetre_and_a_hundredth_of_friction(noise: TrackerNoise | None) -> None:
     found = learned(noise, QUICK, seed=1)
     assert worst_miss(found.vertices_normal) < MILLIMETRE

@@ -240,6 +240,7 @@ def test_stamps_that_jitter_go_on_whatever_comes() -> None:
     assert all(later > earlier for earlier, later in pairwise(given))
 
 
+@pytest.mark.slow
 def test_stamps_that_go_to_and_fro_do_not_pile_up() -> None:
     evener, pose = StampEvener("cube"), throws(148.0, 1)[0].pose
     given = sum(len(evener.push(BodyPose(10**10 + 1_000_000 * (k % 3), pose))) for k in range(3000))

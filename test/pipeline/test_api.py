@@ -139,6 +139,7 @@ def test_every_name_has_a_home_and_a_documentation() -> None:
         cc.ranks  # noqa: B018
 
 
+@pytest.mark.slow
 def test_the_examples_in_the_documentation_run(
     bench: Path, body: cc.Body, tosses: cc.Tosses, ranking: cc.RankedTosses, model: cc.LearnedModel
 ) -> None:

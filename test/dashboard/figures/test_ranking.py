@@ -87,6 +87,7 @@ def test_unusual_pools_are_drawn_without_a_warning(tmp_path: Path, unusual: Rank
     assert size_of_png(tmp_path / "figure.png") == (1600, 1000)
 
 
+@pytest.mark.slow
 def test_the_same_picture_gives_the_same_bytes_and_other_numbers_others(tmp_path: Path) -> None:
     for name, drawn in (("a", picture()), ("b", picture()), ("c", picture(40, 9))):
         save_ranking_figure(drawn, tmp_path / f"{name}.png")

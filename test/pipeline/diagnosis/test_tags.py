@@ -50,6 +50,7 @@ def test_the_order_of_corners_is_named_as_a_setting_and_to_be_checked_again(tmp_
     assert "corners" not in checked(tmp_path, clockwise, corner_order="opencv").verdict
 
 
+@pytest.mark.slow
 def test_axes_of_the_other_convention_are_named(tmp_path: Path) -> None:
     def turned(tag: Tag) -> Tag:
         return replace(tag, pose=Pose(tag.pose.position, multiply(tag.pose.orientation_wxyz, HALF_TURN_ABOUT_X)))
@@ -101,6 +102,7 @@ def test_corners_with_more_noise_than_expected_give_its_size(tmp_path: Path) -> 
     assert "if the tag map is right to a millimetre, corners are noisy" in found.verdict
 
 
+@pytest.mark.slow
 def test_of_a_right_map_nothing_is_said(tmp_path: Path) -> None:
     found = checked(tmp_path, tagged_tosses(1))
     assert not any("corners of tags" in line for line in (found.verdict, *found.reasons))
