@@ -93,9 +93,13 @@ def _nodes(context: LaunchContext) -> list[Node]:
 
 def _node(context: LaunchContext, name: str, parameters: dict[str, object], condition: IfCondition | None = None) -> Node:
     """A node with parameters, and with those that arguments set which are not empty."""
-    for parameter, (argument, kind) in {"use_sim_time": ("use_sim_time", bool), **SET_BY.get(name, {})}.items():
-        if LaunchConfiguration(argument).perform(context):
-            parameters[parameter] = ParameterValue(LaunchConfiguration(argument), value_type=kind)
+    set_by = {"use_sim_time": ("use_sim_time", bool), **SET_BY.get(name, {})}
+    given = {
+        parameter: ParameterValue(LaunchConfiguration(argument), value_type=kind)
+        for parameter, (argument, kind) in set_by.items()
+        if LaunchConfiguration(argument).perform(context)
+    }
+    own = {**parameters, **given}
     return Node(
         package=PACKAGE,
         executable=name,
@@ -107,7 +111,7 @@ def _node(context: LaunchContext, name: str, parameters: dict[str, object], cond
         respawn_delay=RESTART_DELAY,
         remappings=[("/clock", "clock")],
         arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
-        parameters=[LaunchConfiguration("params_file"), *([parameters] if parameters else [])],
+        parameters=[LaunchConfiguration("params_file"), *([own] if own else [])],
     )
 
 

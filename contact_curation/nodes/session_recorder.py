@@ -30,8 +30,8 @@ from contact_curation.storage.bags.session import SessionBag
 LOOK_PERIOD = 0.2
 """Time between looks at the graph [s]."""
 
-LOOKS_AFTER = 10
-"""So many more times what was received is written at once after a toss: a busy machine delivers its poses late."""
+FLUSHES_AFTER = 10
+"""After a toss, one at each look at the graph: a busy machine delivers poses of a toss later than the toss."""
 
 SCHEMA_ENCODING = "ros2msg"
 
@@ -80,7 +80,7 @@ class SessionRecorder(StageNode):
         self._waiting: deque[tuple[RawMessage, OfferedQos]] = deque()
         self._topics: dict[str, FollowedTopic] = {}
         self._left_out: set[tuple[str, str]] = set()
-        self._stored = 0
+        self._flushes_due = 0
         self._bag: SessionBag | None = None
         self._worker = Worker(self.fail)
         self._worker.do(lambda: self._open(Path(path)))
@@ -99,8 +99,8 @@ class SessionRecorder(StageNode):
 
     def _follow(self) -> None:
         """Subscribes to topics that are new or whose quality of service changed."""
-        if self._stored:  # poses may be received after their toss
-            self._stored -= 1
+        if self._flushes_due:
+            self._flushes_due -= 1
             self._flushing.want()
         for topic, types in self.get_topic_names_and_types():
             hidden = any(part.startswith("_") for part in topic.split("/"))
@@ -142,7 +142,7 @@ class SessionRecorder(StageNode):
         self._waiting.append((message, heard.qos))
         self._writing.want()
         if heard.type == RESULT:
-            self._stored = LOOKS_AFTER
+            self._flushes_due = FLUSHES_AFTER
             self._flushing.want()
 
     def _missed(self, event: Any) -> None:

@@ -39,10 +39,40 @@ class BoardMove(NamedTuple):
 
 
 class _Plane(NamedTuple):
+    """What some rests lie on, and by how much in all they depart from it."""
+
     up: Array  # (3,)
     height: float  # at the middle of all rests [m]
-    uneven: float  # heights beside it, sum of absolute values [m]
-    askew: float  # normals beside its own, likewise [rad]
+    uneven: float  # departures of heights, sum of absolute values [m]
+    askew: float  # departures of normals, likewise [rad]
+
+
+class _Split(NamedTuple):
+    """A plane for the rests before the one of this number, and another one from it on."""
+
+    at: int
+    before: _Plane
+    after: _Plane
+
+    @property
+    def higher(self) -> float:
+        return self.after.height - self.before.height
+
+    @property
+    def turned(self) -> Array:
+        return self.after.up - self.before.up
+
+    @property
+    def tilt(self) -> float:
+        return float(np.linalg.norm(self.turned))
+
+    @property
+    def uneven(self) -> float:
+        return self.before.uneven + self.after.uneven
+
+    @property
+    def askew(self) -> float:
+        return self.before.askew + self.after.askew
 
 
 def board_move(rests: Rests) -> BoardMove | None:
@@ -61,18 +91,16 @@ def board_move(rests: Rests) -> BoardMove | None:
         return _Plane(up, height, float(np.abs(heights - height).sum()), float(askew))
 
     whole = plane(slice(None))
-    pairs = {at: (plane(slice(at)), plane(slice(at, None))) for at in range(FEWEST, len(rests) - FEWEST + 1)}
-    for name in ("uneven", "askew"):
-        at = min(pairs, key=lambda one: sum(getattr(side, name) for side in pairs[one]))
-        before, after = pairs[at]
-        higher, turned = after.height - before.height, after.up - before.up
-        tilt = float(np.linalg.norm(turned))
-        large = abs(higher) >= SMALLEST_STEP if name == "uneven" else tilt >= SMALLEST_TILT
-        told = getattr(before, name) + getattr(after, name) <= LARGEST_SHARE * getattr(whole, name)
-        if large and told:
-            step = (places @ whole.up - rests.depths) / higher if name == "uneven" else normals @ turned / tilt**2
-            if _on_each_face(rests, at, step):
-                return BoardMove(int(rests.throws[at]), higher, tilt)
+    splits = [_Split(at, plane(slice(at)), plane(slice(at, None))) for at in range(FEWEST, len(rests) - FEWEST + 1)]
+    candidates: list[tuple[_Split, Array]] = []  # with what changes by 1 from rests before to rests after, if it is so
+    raised, tilted = min(splits, key=lambda one: one.uneven), min(splits, key=lambda one: one.askew)
+    if abs(raised.higher) >= SMALLEST_STEP and raised.uneven <= LARGEST_SHARE * whole.uneven:
+        candidates.append((raised, (places @ whole.up - rests.depths) / raised.higher))
+    if tilted.tilt >= SMALLEST_TILT and tilted.askew <= LARGEST_SHARE * whole.askew:
+        candidates.append((tilted, normals @ tilted.turned / tilted.tilt**2))
+    for split, values in candidates:
+        if _on_each_face(rests, split.at, values):
+            return BoardMove(int(rests.throws[split.at]), split.higher, split.tilt)
     return None
 
 

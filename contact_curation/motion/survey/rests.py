@@ -150,17 +150,12 @@ def on_board(survey: Survey, polytope: Polytope) -> Survey:
 
 def rests_of(throws: Sequence[Throw], polytope: Polytope) -> Rests:
     """The rests on a described face, seen along z."""
-    numbers, found = zip(*resting, strict=True) if (resting := _resting(throws)) else ((), ())
+    found = [throw.rest for throw in throws if throw.rest is not None]
+    numbers = np.flatnonzero([throw.rest is not None for throw in throws])
     normals, distances = faces(polytope)
     turns, nearest, flat = _lain_on(found, normals, np.array([0.0, 0.0, 1.0]))
     places = np.array([rest.position for rest in found]).reshape(-1, 3)
-    of_throws = np.array(numbers, dtype=np.int64)
-    return Rests(turns[flat], places[flat], normals[nearest][flat], distances[nearest][flat], of_throws[flat])
-
-
-def _resting(throws: Sequence[Throw]) -> list[tuple[int, Rest]]:
-    """Throws that come to rest, by number."""
-    return [(number, throw.rest) for number, throw in enumerate(throws) if throw.rest is not None]
+    return Rests(turns[flat], places[flat], normals[nearest][flat], distances[nearest][flat], numbers[flat])
 
 
 def _lain_on(rests: Sequence[Rest], normals: Array, up: Array) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:

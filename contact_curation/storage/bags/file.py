@@ -10,7 +10,6 @@ import fcntl
 import hashlib
 import stat
 from collections.abc import Callable, Hashable
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
 from contact_curation.errors import ContactCurationError, InvalidValueError, UnreadableInputError, why_unreadable
+from contact_curation.files import lock
 from contact_curation.storage.addresses import Address
 
 MEBIBYTE = 1 << 20
@@ -93,8 +93,7 @@ class BagFile:
         except OSError as error:
             raise UnreadableInputError(path, f"cannot be opened: {why_unreadable(path, error)}") from error
         self.size = path.stat().st_size
-        with suppress(OSError):  # without locks of the file system only this protection is missing
-            fcntl.flock(self._file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        lock(self._file, fcntl.LOCK_SH)  # where another process writes it, only this protection is missing
 
     def read(self, offset: int, length: int) -> bytes:
         """Reads `length` bytes from `offset` on.
