@@ -41,7 +41,7 @@ MOST_LISTED = 8
 MOST_PARENTS = 16
 """Frames that the body is measured in, one after the other or in turn, as by several cameras; the last ones count."""
 MOST_UNPLACED = 200_000
-"""Poses of a recording that wait for the board, and of frames that may lead there: 20 minutes at 148 Hz, and some 100 MB."""
+"""Poses of a recording that wait for transforms, and of frames that may lead there: 20 minutes at 148 Hz, and some 100 MB."""
 
 SHORT_HISTORY = 256
 """Poses that a frame remembers that is not needed so far: it may turn out to stand between the body and the board."""
@@ -62,7 +62,7 @@ class TrackerConfig:
         center_of_mass: the body's, in that frame [m]; poses come out with their origin there.
         transforms_ahead: moving boards, cameras and robots are given where they are so much later than their stamps say, by
             those of the body's poses; negative: earlier [s].
-        recorded: poses of a recording wait for the board's first pose however late it was logged, as /tf_static may be.
+        recorded: poses of a recording wait for transforms however late these were logged, as /tf_static may be.
     """
 
     body_frame: str
@@ -290,7 +290,7 @@ class BodyTracker:
         if link is not None and not link.static and link.newest_ns - measured.stamp_ns > self.config.clock_jump * NANOSECONDS:
             self._tree.forget_after(measured.stamp_ns)
         history = HISTORY if measured.child in self.needed_frames else SHORT_HISTORY
-        if self._waiting and self._board_may_come:  # then poses of long ago are placed
+        if self._waiting and (self._board_may_come or self._transforms_are_late):  # then poses of long ago are placed
             history = max(history, MOST_UNPLACED // max(len(self._tree.links), 1))
         self._tree.take(measured, history)
         self._moving = self._tree.moving_ancestor(self.config.body_frame)
@@ -300,7 +300,7 @@ class BodyTracker:
         events: list[TrackerEvent] = []
         while self._waiting:
             measured = self._waiting[0]
-            late = self._waiting[-1].stamp_ns - measured.stamp_ns > self.config.largest_wait * NANOSECONDS
+            late = self._waits_long and not self._transforms_are_late
             found = self._in_board(measured, ended=late)
             if found is not None:
                 events.append(self._without_jump(found))
@@ -319,6 +319,24 @@ class BodyTracker:
         if not self.config.recorded or len(self._waiting) > MOST_UNPLACED:
             return False
         return all(self._way(parent, self._moving) is None for parent in self._parents)
+
+    @property
+    def _waits_long(self) -> bool:
+        return self._waiting[-1].stamp_ns - self._waiting[0].stamp_ns > self.config.largest_wait * NANOSECONDS
+
+    @property
+    def _transforms_are_late(self) -> bool:
+        """Whether a recording's poses wait longer than live ones would, for transforms that were logged late."""
+        if not self.config.recorded or not self._waits_long or len(self._waiting) > MOST_UNPLACED:
+            return False
+        return self._known_ns(self._waiting[0])[1] <= self._waiting[0].stamp_ns + self.config.largest_rig_gap * NANOSECONDS
+
+    def _known_ns(self, measured: FramePose) -> tuple[float, float]:
+        """From when to when all transforms between a measurement and the board are known."""
+        way = self._way(measured.parent, measured.child)
+        links = () if way is None or way.static is not None else (*way.on_body, *way.above, *way.board)
+        ends = [(link.stamps_ns[0], link.newest_ns) for link in links if not link.static]
+        return max((first for first, _ in ends), default=-inf), min((last for _, last in ends), default=inf)
 
     def _without_jump(self, found: BodyPose) -> TrackerEvent:
         """The pose, if the body can have come there from where it was last."""
@@ -407,8 +425,14 @@ class BodyTracker:
         """What a pose waited for, which frames there are, and what to do."""
         parent, board = measured.parent, self.config.board_frame
         if self._way(parent, measured.child) is not None:
+            wanted = f"expected transforms between '{board}' and '{parent}'"
+            first_ns, last_ns = self._known_ns(measured)
+            if last_ns < measured.stamp_ns:
+                return f"{wanted} {AROUND}, found them only before it: they come late, have other stamps, or ended"
+            if first_ns > measured.stamp_ns:
+                return f"{wanted} {AROUND}, found them only after it: the poses come late, have other stamps, or began sooner"
             gap = f"at most {self.config.largest_rig_gap:g} s apart {AROUND}"
-            return f"expected transforms between '{board}' and '{parent}' {gap}: send them faster, or once on /tf_static"
+            return f"{wanted} {gap}: send them faster, or once on /tf_static"
         wanted = f"expected poses that lead from frame '{board}' to frame '{parent}' at its time"
         here = ", ".join(self._tree.frames[:MOST_LISTED]) or "none"
         named = "" if parent else "; header.frame_id of the poses is empty: set it"

@@ -141,6 +141,31 @@ def test_where_a_camera_was_is_remembered_until_a_recording_says_late_what_leads
     assert_poses(tracked(measured, TrackerConfig("body_cube", recorded=True)), TRUTH)
 
 
+def test_poses_of_a_recording_wait_for_the_transforms_of_a_moving_camera_that_were_logged_late() -> None:
+    """They come out as if these had been logged in time; the other link on the way comes in time, and fast."""
+    number_of, late, fast = range(3000), 1000, 8
+
+    def rig(number: float, child: str) -> FramePose:
+        pose = ScalarPose((0.01 * np.sin(0.05 * number), 1.0, 0.5), yawed(0.001 * number))
+        return FramePose(int(number * PERIOD_NS), "map" if child == "arm" else "arm", child, pose)
+
+    def logged(delay: int) -> list[FramePose]:
+        arm = [(number / fast, rig(number / fast, "arm")) for number in range(-fast, fast * len(number_of) + fast)]
+        camera = [(number + delay, rig(number + 0.3, "camera")) for number in range(-2, len(number_of) + 3)]
+        body = [(number, FramePose(number * PERIOD_NS, "camera", "body_cube", TRUTH[0].pose)) for number in number_of]
+        board = (-3.0, FramePose(0, "map", "body_surface", BOARD, static=True))
+        return [one for _, one in sorted([*arm, *camera, *body, board], key=lambda timed: timed[0])]
+
+    config = TrackerConfig("body_cube", recorded=True)
+    in_time = tracked(logged(0), config)
+    assert len(in_time) == len(number_of)
+    assert all(isinstance(event, BodyPose) for event in in_time)
+    assert tracked(logged(late), config) == in_time
+    live = tracked(logged(late), TrackerConfig("body_cube"))
+    whys = {event.why for event in live if isinstance(event, BadPose)}
+    assert any("around its time, found them only before it: they come late" in why for why in whys)
+
+
 def test_the_body_may_hang_under_a_tag_that_is_measured() -> None:
     tag_on_body = ScalarPose((0.0, 0.05, 0.0), yawed(1.0))
     static = FramePose(0, "tag_3", "body_cube", inverse(tag_on_body), static=True)
