@@ -57,6 +57,8 @@ class Detection:
 
 SMALLEST_IMAGE = 16
 """Smallest shorter side of an image [px]: a tag with its border has 10 x 10 cells."""
+SMALLEST_REDUCED = 8
+"""The same after `decimate`: the library reads beyond the end of images with at most 3 rows."""
 
 
 class TagDetector:
@@ -76,8 +78,12 @@ class TagDetector:
         ).detector
 
     def detect(self, image: Image) -> tuple[Detection, ...]:
-        """Detects the tags in a grey image (height, width), sorted by id; none if the image is too small for a tag."""
-        if min(image.shape) < SMALLEST_IMAGE:  # the library reads beyond the end of images with at most 3 rows
+        """Detects the tags in a grey image (height, width), sorted by id; none if the image is too small for a tag.
+
+        An image that is smaller than the blur's kernel is too small, too: the library writes before its begin.
+        """
+        kernel = 4.0 * self._config.blur + 2.0
+        if min(image.shape) < max(SMALLEST_IMAGE, self._config.decimate * max(SMALLEST_REDUCED, kernel)):
             return ()
         found = [
             Detection(

@@ -9,7 +9,7 @@ import pytest
 from contact_curation.errors import MissingDependencyError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.geometry.tags import CornerOrder, in_our_order
-from contact_curation.simulation.camera.tag_detection import TagDetector
+from contact_curation.simulation.camera.tag_detection import DetectorConfig, TagDetector
 from contact_curation.simulation.camera.tag_textures import Image, tag_image
 
 CELL = 12
@@ -64,6 +64,14 @@ def test_opencv_has_its_own_first_pixel_unless_it_refines_as_the_apriltag_librar
 
 def test_an_image_without_tags_has_none() -> None:
     assert TagDetector().detect(np.full((200, 200), 128, dtype=np.uint8)) == ()
+
+
+@pytest.mark.parametrize(("decimate", "blur"), [(1e9, 0.0), (16.0, 0.0), (2.0, 50.0), (2.0, 1e3)])
+def test_images_that_are_too_small_for_the_settings_have_no_tags(decimate: float, blur: float) -> None:
+    """The library reads or writes outside of them."""
+    detector = TagDetector(DetectorConfig(decimate=decimate, blur=blur))
+    random = np.random.default_rng(0)
+    assert all(detector.detect(random.integers(0, 256, (20, 20), dtype=np.uint8)) == () for _ in range(20))
 
 
 def test_detectors_that_are_made_and_let_go_again_and_again_do_no_harm() -> None:
