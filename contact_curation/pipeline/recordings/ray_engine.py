@@ -5,6 +5,9 @@ tasks wait as are running, so that no worker is idle and the driver's memory doe
 whose worker dies, e.g. because memory ran out, is repeated once by the driver, and then given up.
 """
 
+import os
+import re
+import socket
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -19,6 +22,9 @@ ONE_PROCESSOR_EACH = 1 << 16
 """Number of jobs that share a machine. Ray decides how many run, so each computes with one thread."""
 
 TRIES = 2
+
+LONGEST_CONNECTING = 10.0
+"""Longest wait for the machine of an address [s]; Ray waits for many minutes."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +85,15 @@ class RayEngine:
     def _connect(self, ray: Any) -> None:
         if ray.is_initialized():
             return
+        address = self.address or os.environ.get("RAY_ADDRESS", "")
         try:
+            if named := re.fullmatch(r"(?:ray://)?\[?([^/]+?)\]?:(\d+)", address):
+                socket.create_connection((named[1], int(named[2])), LONGEST_CONNECTING).close()
             # A metrics agent and a dashboard would be started on this machine, and print.
             ray.init(address=self.address or None, include_dashboard=None if self.address else False, log_to_driver=False)
         except Exception as error:  # Ray's own are of many kinds, some of none
-            raise InvalidValueError(
-                "--address", f"{self.address} ({error})", "the address of a Ray cluster that runs"
-            ) from error
+            option = "--address" if self.address else "RAY_ADDRESS"
+            raise InvalidValueError(option, f"{address} ({error})", "the address of a Ray cluster that runs") from error
 
     @staticmethod
     def _result(ray: Any, reference: Any) -> Counted[Any]:

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from contact_curation.errors import ContactCurationError
+from contact_curation.errors import ContactCurationError, InvalidValueError
 from contact_curation.pipeline.workers import Advance, Broken, unheard
 from test.cli.commands import Cli
 from test.learning.evaluation.test_held_out import turned
@@ -45,6 +46,18 @@ def work(name: str, advance: Advance) -> str:
         raise MemoryError
     advance(2)
     return name.upper()
+
+
+@pytest.mark.parametrize("option", ["--address", "RAY_ADDRESS"])
+def test_an_address_at_which_nothing_listens_is_refused_at_once(option: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from contact_curation.pipeline.recordings.ray_engine import RayEngine
+
+    monkeypatch.setenv("RAY_ADDRESS", "127.0.0.1:1")
+    engine = RayEngine("127.0.0.1:1" if option == "--address" else "")
+    began = time.monotonic()
+    with pytest.raises(InvalidValueError, match=f"{option}: found 127.0.0.1:1 .*expected the address of a Ray cluster"):
+        next(engine.as_done(work, ["a"], unheard))
+    assert time.monotonic() - began < 30.0
 
 
 def test_what_breaks_its_worker_twice_is_a_line_and_the_others_are_done(cluster: str, tmp_path: Path) -> None:
