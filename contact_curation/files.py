@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
+from tempfile import gettempdir
 from typing import IO, Any, BinaryIO
 
 import yaml
@@ -235,13 +236,37 @@ def scratch_folder(path: Path) -> Iterator[Path]:
     Raises:
         UnwritableOutputError: it cannot be made there.
     """
+    with _scratch(path, _new_folder) as folder:
+        yield folder
+
+
+@contextmanager
+def _scratch(path: Path, make: Callable[[Path], int]) -> Iterator[Path]:
     with writing(path):
-        lock, folder = _partial(path.absolute(), _new_folder)
+        lock, folder = _partial(path.absolute(), make)
     try:
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         os.close(lock)
+
+
+@contextmanager
+def temporary_folder(kind: str) -> Iterator[Path]:
+    """A folder of this user alone, for what is needed while the block runs.
+
+    It is removed when the block ends. What a process left that was killed is removed by the next one that needs a folder of the
+    same kind.
+
+    Args:
+        kind: what the folder is for, in its name.
+
+    Raises:
+        UnwritableOutputError: it cannot be made.
+    """
+    path = Path(gettempdir()) / f"contact-curation-{kind}"
+    with _scratch(path, _new_private_folder) as folder:
+        yield folder
 
 
 @contextmanager
@@ -312,8 +337,7 @@ def _partial(path: Path, make: Callable[[Path], int]) -> tuple[int, Path]:
     while True:
         partial = partial_name(path)
         descriptor = make(partial)
-        lock(descriptor)
-        if partial.exists():  # else somebody took it for one that was left behind
+        if lock(descriptor) and partial.exists():  # else somebody takes it for one that was left behind
             return descriptor, partial
         os.close(descriptor)
 
@@ -322,9 +346,13 @@ def _new_file(path: Path) -> int:
     return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
 
 
-def _new_folder(path: Path) -> int:
-    path.mkdir()
+def _new_folder(path: Path, mode: int = 0o777) -> int:
+    path.mkdir(mode)
     return os.open(path, os.O_RDONLY)
+
+
+def _new_private_folder(path: Path) -> int:
+    return _new_folder(path, mode=0o700)
 
 
 def _remove_unlocked(left: Path) -> None:

@@ -3,6 +3,9 @@
 import ast
 import errno
 import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -11,7 +14,7 @@ import pytest
 
 from contact_curation import files
 from contact_curation.errors import UnreadableInputError, UnwritableOutputError
-from contact_curation.files import partial_name, read_yaml, scratch_folder, staged_folder, write_atomically
+from contact_curation.files import partial_name, read_yaml, scratch_folder, staged_folder, temporary_folder, write_atomically
 from test.conftest import REPOSITORY
 
 NO_FILES = ("self._gripper", "self._worlds")
@@ -47,6 +50,37 @@ def test_a_scratch_folder_is_of_one_writer_and_what_a_killed_one_left_is_removed
         assert set(tmp_path.iterdir()) == {one, other}
         (one / "a.rrd").touch()
     assert not list(tmp_path.iterdir())
+
+
+def test_a_temporary_folder_is_of_its_user_alone_and_the_next_one_removes_what_a_killed_process_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    code = "import os, signal; from contact_curation.files import temporary_folder as folder\n"
+    code += "with folder('bag') as one, folder('rank') as other:\n (one / 'copy').touch(); os.kill(os.getpid(), signal.SIGKILL)"
+    subprocess.run([sys.executable, "-c", code], env={**os.environ, "TMPDIR": str(tmp_path)}, check=False)
+    _, rank = sorted(tmp_path.iterdir())
+    with temporary_folder("bag") as one, temporary_folder("bag") as other:
+        assert one.stat().st_mode & 0o777 == 0o700
+        assert set(tmp_path.iterdir()) == {rank, one, other}
+    assert set(tmp_path.iterdir()) == {rank}
+
+
+def test_a_folder_that_another_process_takes_for_one_left_behind_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Path] = []
+
+    def make(path: Path) -> int:
+        path.mkdir()
+        made.append(path)
+        if len(made) == 1:  # the other one has looked at it before it was locked, and removes it soon
+            assert files.lock(os.open(path, os.O_RDONLY))
+        return os.open(path, os.O_RDONLY)
+
+    monkeypatch.setattr(files, "_new_folder", make)
+    with scratch_folder(tmp_path / "a.rrd") as folder:
+        assert [folder] == made[1:]
 
 
 def test_a_pipe_under_a_hidden_name_is_not_waited_for(tmp_path: Path) -> None:

@@ -17,12 +17,12 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NoReturn
 
 from contact_curation.cli.main import NAME
 from contact_curation.cli.main import main as command_line
 from contact_curation.errors import ContactCurationError
+from contact_curation.files import temporary_folder
 from contact_curation.session.config import SessionFolder
 from contact_curation.session.parameter_files import read_node_parameters
 from contact_curation.session.replay import NodesRanking, Recording, rank_by_nodes
@@ -62,8 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         signal.signal(ending, _interrupted)
     try:
         arguments.out.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix="contact-curation-demo-") as folder:
-            show(_recording(arguments, Path(folder)), arguments.out, Path(folder))
+        with temporary_folder("demo") as folder:
+            show(_recording(arguments, folder), arguments.out, folder)
     except (ContactCurationError, OSError) as error:
         print(f"demo: error: {error}", file=sys.stderr)
         return 1

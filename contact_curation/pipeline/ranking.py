@@ -3,11 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from contact_curation.configs import changed_fields
 from contact_curation.contact.loss_config import DEFAULT_LOSS
 from contact_curation.errors import InvalidValueError
+from contact_curation.files import temporary_folder
 from contact_curation.information.curation import Curation
 from contact_curation.information.network.score_folder import ScoreFolder
 from contact_curation.information.ranker import RankingConfig, criterion_named
@@ -93,8 +93,8 @@ def rank_tosses(
             "device", config.pool.device.name, "cpu with --engine ray, whose tasks are given processors only"
         )
     sources, jobs = (source.recordings(), 1) if isinstance(source, Tosses) else (source, processes_for(source, config.jobs))
-    with FactorSpool() as spool, TemporaryDirectory(prefix="contact-curation-") as folder:
-        pool_config = config.with_exact_scores_in(Path(folder)).pool
+    with FactorSpool() as spool, temporary_folder("rank") as folder:
+        pool_config = config.with_exact_scores_in(folder).pool
         with progress("scoring", "tosses") as bar:
             engine, index = config.engine or LocalEngine(jobs), config.index and config.index.made()
             scored = score_pool(sources, pool_config, engine, bar.advance, spool, index, config.held_out)

@@ -13,11 +13,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import batched
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from contact_curation.errors import ContactCurationError, InvalidValueError
+from contact_curation.files import temporary_folder
 from contact_curation.geometry.quaternions import Array
 from contact_curation.information.network.config import Device, NetworkConfig
 from contact_curation.information.network.model_scorer import TossScorer, scorer_of_model
@@ -200,8 +200,8 @@ def score_pool(
         scored = _scored_by(engine, sources, config, config.fixed_bounds, advance, spool, index)
         found = _held_out(held_out, [one.reading for one in scored], sources, config, engine, index)
         return ScoredPool(tuple(one.without(found.reasons) for one in scored), config.fixed_bounds, found.warnings)
-    with TemporaryDirectory(prefix="contact-curation-") as folder:
-        index = index or RecordingIndex(Path(folder)).made()  # so that nothing is read twice
+    with temporary_folder("rank") as folder:
+        index = index or RecordingIndex(folder).made()  # so that nothing is read twice
         work = partial(_losses_of, config, engine.jobs, index)
         read = dict(engine.as_done(work, sources, advance))
         waiting = [_whole(read[place], source, _Losses) for place, source in enumerate(sources)]

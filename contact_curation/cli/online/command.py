@@ -2,13 +2,15 @@
 
 import argparse
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from contact_curation.cli.online.options import add_online_options, session_config
 from contact_curation.cli.options.one_line_parser import OneLineParser
 from contact_curation.cli.report import print_json
 from contact_curation.cli.stop_signals import StopSignals
+from contact_curation.files import temporary_folder
 from contact_curation.session.config import SessionFolder
 from contact_curation.session.session import check_recordings, run_session
 from contact_curation.session.summary import SessionSummary
@@ -40,8 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     load_kernel()  # no node works without it; this reports the error once
     config = session_config(arguments)
     check_recordings(config)
-    with TemporaryDirectory(prefix="contact-curation-online-") as temporary:
-        folder = SessionFolder(config.record or Path(temporary))
+    with _session_folder(config.record) as folder:
         reporter = _Json() if arguments.json else _Lines()
         try:
             with StopSignals() as stop:
@@ -53,6 +54,16 @@ def run(arguments: argparse.Namespace) -> int:
     if not summary.complete:
         raise KeyboardInterrupt
     return 0
+
+
+@contextmanager
+def _session_folder(record: Path | None) -> Iterator[SessionFolder]:
+    """The folder that is to be recorded in, or one that is removed at the end."""
+    if record is not None:
+        yield SessionFolder(record)
+        return
+    with temporary_folder("online") as folder:  # it is locked, so that the session claims one in it
+        yield SessionFolder(folder / "session")
 
 
 class _Lines:

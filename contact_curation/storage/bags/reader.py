@@ -6,7 +6,6 @@ name), merging in order of log time (here), decoding to an object (`bags.decodin
 
 import hashlib
 import heapq
-import tempfile
 from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -17,6 +16,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from contact_curation.errors import MissingTopicError, UnreadableInputError
+from contact_curation.files import temporary_folder
 from contact_curation.storage.addresses import Address
 from contact_curation.storage.bags.decoding import MessageConverter, Reading
 from contact_curation.storage.bags.file import ZSTD_MAGIC, BagFile, BagLimits, DamagedBagError, Losses, file_sha256, unpack_file
@@ -137,7 +137,7 @@ def _is_text(head: bytes) -> bool:
 
 def _unpacked(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -> Path:
     """A temporary copy of a file that rosbag2 compressed as a whole."""
-    target = Path(stack.enter_context(tempfile.TemporaryDirectory())) / path.stem
+    target = stack.enter_context(temporary_folder("bag")) / path.stem
     try:
         unpack_file(path, target, limits.unpacked_file_bytes)
     except DamagedBagError as error:
@@ -148,7 +148,7 @@ def _unpacked(path: Path, limits: BagLimits, losses: Losses, stack: ExitStack) -
 def _copied(address: Address, limits: BagLimits, stack: ExitStack) -> Path:
     if address.stat().st_size > limits.unpacked_file_bytes:
         raise UnreadableInputError(address, f"holds more than {limits.unpacked_file_bytes} bytes, expected at most that")
-    target = Path(stack.enter_context(tempfile.TemporaryDirectory())) / address.name
+    target = stack.enter_context(temporary_folder("bag")) / address.name
     address.download(target)
     return target
 

@@ -2,7 +2,6 @@
 
 import shutil
 import sqlite3
-import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from itertools import batched
@@ -11,6 +10,7 @@ from pathlib import Path
 from rosbags.typesys.msg import normalize_msgtype
 
 from contact_curation.errors import UnreadableInputError
+from contact_curation.files import temporary_folder
 from contact_curation.storage.bags.file import BagFile, Losses
 from contact_curation.storage.bags.records import Channel, StoredMessage, qos_from
 
@@ -149,7 +149,7 @@ class SqliteStorage:
                 raise sqlite3.DatabaseError(f"its {table} are computed, expected a table with what was recorded")
 
     def _copy(self, path: Path) -> Path:
-        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+        folder = self._stack.enter_context(temporary_folder("bag"))
         for ending in ("", *UNFINISHED):
             if (source := _beside(path, ending)).is_file():  # a device has no end
                 shutil.copyfile(source, folder / source.name)
