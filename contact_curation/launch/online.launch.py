@@ -61,7 +61,7 @@ def generate_launch_description() -> LaunchDescription:
             "topic", default_value="", description=f"the body's poses; auto: found by the name of the body{FILED}"
         ),
         DeclareLaunchArgument(
-            "tag_map", default_value="", description=f"tags of body and board, for a rendering camera{FILED}"
+            "tag_map", default_value="", description=f"tags of body and board, which camera:=rendered needs{FILED}"
         ),
         DeclareLaunchArgument("dashboard", default_value="false", description="serve the dashboard to a browser"),
         DeclareLaunchArgument("record", default_value="false", description="record all topics into session.mcap"),

@@ -40,5 +40,6 @@ def test_a_throw_in_another_frame_is_refused_on_both_sides() -> None:
 
 def test_a_result_says_when_the_body_was_released() -> None:
     assert executed_throw_of(message(12.5), "board")[1] == 12.5 * NANOSECONDS
-    with pytest.raises(InvalidValueError, match="stamp of the executed throw: found 0, expected the time of the release"):
-        executed_throw_of(message(0.0), "board")
+    for seconds, found in ((0.0, "0"), (-4.5, "-4.5")):
+        with pytest.raises(InvalidValueError, match=f"stamp of the executed throw: found {found}, expected the time of the"):
+            executed_throw_of(message(seconds), "board")

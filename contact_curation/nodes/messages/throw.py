@@ -85,12 +85,14 @@ def executed_throw_of(message: Any, board_frame: str) -> tuple[Throw, int]:
     """Reads the executed throw of a result, and the time of its release [ns].
 
     Raises:
-        InvalidValueError: the stamp is 0, so that its toss cannot be identified; the frame is another one; or as in `throw_of`.
+        InvalidValueError: the stamp is 0 or negative, so that its toss cannot be found; the frame is another one; or as in
+            `throw_of`.
     """
     _check_frame(message, board_frame)
     stamp_ns = nanoseconds_of(message.header.stamp)
-    if stamp_ns == 0:
-        raise InvalidValueError("stamp of the executed throw", 0, "the time of the release, by the clock of the tracker")
+    if stamp_ns <= 0:
+        found = f"{stamp_ns / NANOSECONDS:g}"
+        raise InvalidValueError("stamp of the executed throw", found, "the time of the release, by the clock of the tracker")
     return throw_of(message), stamp_ns
 
 
