@@ -68,6 +68,7 @@ def test_people_are_told_the_same(cli: Cli, crooked: Path) -> None:
     assert "mm under the board" in lines[3] or "mm over the board" in lines[3]
 
 
+@pytest.mark.slow
 def test_what_it_says_puts_tosses_right(cli: Cli, leaning: Path, tmp_path: Path) -> None:
     told = cli("rig", leaning, "--json").json
     assert told["tilt_degrees"]["value"] == pytest.approx(1.6, abs=0.1)

@@ -84,6 +84,7 @@ def test_transforms_do_not_count_as_messages_of_the_body(session: Session, tmp_p
     assert read_recording(bag, ReadingConfig(CONTACTNETS_CUBE), len(session.poses) + 1).whole
 
 
+@pytest.mark.slow
 def test_poses_that_come_after_what_is_looked_at_are_no_fault_of_the_frame(session: Session, tmp_path: Path) -> None:
     bag = written(tmp_path / "a.mcap", session, before=1.1 * OTHERS * FEWEST_MESSAGES * TRANSFORM_NS / NANOSECONDS)
     found = diagnose([bag], ReadingConfig(CONTACTNETS_CUBE), most_messages=1)
@@ -93,7 +94,7 @@ def test_poses_that_come_after_what_is_looked_at_are_no_fault_of_the_frame(sessi
     assert diagnose([bag], ReadingConfig(CONTACTNETS_CUBE), most_messages=looked).ok
 
 
-@pytest.mark.parametrize("lead", [0.01, -0.03])
+@pytest.mark.parametrize("lead", [0.01, pytest.param(-0.03, marks=pytest.mark.slow)])
 def test_transforms_that_are_out_of_step_are_named_and_no_wrong_body(lead: float, session: Session, tmp_path: Path) -> None:
     found = diagnosed(tmp_path / "a.mcap", session, lead=lead)
     named = [line for line in (found.verdict, *found.reasons) if "as 'camera' does: the transforms that move it are" in line]
