@@ -1,14 +1,16 @@
 """The index: what was read and scored before, so that a second ranking reads and scores only what changed.
 
 Two shards a recording: its tosses under rules of reading, and their scores at a theta. Their names are digests of all that they
-follow from. Of a recording that is what the file system says of each of its files: size and times of change, of a file on a
-server its ETag. `mtime` can be set, as copies do, `ctime` cannot. So nothing is read to see that nothing changed.
+follow from, this package's code included. Of a recording that is what the file system says of each of its files: size and
+times of change, of a file on a server its ETag. `mtime` can be set, as copies do, `ctime` cannot. So no recording is read to
+see that nothing changed.
 
     DIR/tosses/DIGEST.parquet    DIR/scores/DIGEST.parquet
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -25,16 +27,14 @@ from contact_curation.storage.provenance import SeenToss, TossProvenance
 from contact_curation.storage.shards import Shard, ShardRow, shard_at, writing_shard
 from contact_curation.storage.stores.information import packed_information, unpacked_information
 from contact_curation.storage.stores.tosses import packed_toss, unpacked_toss
-from contact_curation.version import __version__
 
 Scores = tuple[TossInformation | NotScored, ...]
 """The information of one toss, once per theta."""
 
 TOSSES, SCORES = "tosses", "scores"
 
-LAYOUT = 4
-"""Of the shards, and of rules that no setting names, such as how velocities are computed (motion/smoothing.py); others are not
-looked at."""
+COMPILED = 4
+"""To be raised when the kernel gives other numbers: `_code` does not see its compiled code."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class IndexedTosses:
 
 
 def digest_of_tosses(path: Path, config: ReadingConfig) -> str:
-    """What the tosses of a recording follow from, besides this release; empty where the recording cannot be looked at."""
+    """What the tosses of a recording follow from, besides this package's code; empty where that cannot be looked at."""
     try:
         state = [_state(one) for one in _files(path)]
         tag_map = Path(config.inputs.poses.tag_map).read_text(encoding="utf-8") if config.inputs.poses.tag_map else ""
@@ -160,7 +160,7 @@ def digest_of_tosses(path: Path, config: ReadingConfig) -> str:
 
 
 def digest_of_scores(path: Path, config: ReadingConfig, rules: object) -> str:
-    """What the scores of a recording follow from, besides this release; empty as that of its tosses.
+    """What the scores of a recording follow from, besides this package's code; empty as that of its tosses.
 
     Args:
         path: recording.
@@ -172,7 +172,17 @@ def digest_of_scores(path: Path, config: ReadingConfig, rules: object) -> str:
 
 
 def _digest(*parts: object) -> str:
-    return sha256(repr((__version__, LAYOUT, *parts)).encode()).hexdigest()
+    return sha256(repr((_code(), COMPILED, *parts)).encode()).hexdigest()
+
+
+@cache
+def _code() -> str:
+    """Digest of this package's Python files: rules of reading and scoring change between its releases, too."""
+    package, state = Path(__file__).parents[2], sha256()
+    for file in sorted(package.rglob("*.py")):
+        for part in (file.relative_to(package).as_posix().encode(), file.read_bytes()):
+            state.update(len(part).to_bytes(8) + part)
+    return state.hexdigest()
 
 
 def _files(path: Path) -> list[Path]:

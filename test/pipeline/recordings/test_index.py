@@ -12,6 +12,7 @@ import pytest
 
 from contact_curation.pipeline import scoring
 from contact_curation.pipeline.reading import InputReader
+from contact_curation.pipeline.recordings import index
 from contact_curation.pipeline.recordings.index import _files
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.shards import ShardRow, shard_at, writing_shard
@@ -103,6 +104,25 @@ def test_a_recording_replaced_by_one_of_equal_size_and_mtime_is_read(cli: Cli, b
     work.clear()
     ranked(cli, bags, *index)
     assert work == ["b.mcap", "scored"]
+
+
+def test_other_code_of_the_package_reads_and_scores_again(
+    cli: Cli, bags: Path, work: Work, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two releases, too: what was read by other rules is not taken for what these give."""
+    package, option = tmp_path / "package", ("--index", tmp_path / "index")
+    monkeypatch.setattr(index, "_code", index._code.__wrapped__)
+    monkeypatch.setattr(index, "__file__", str(package / "pipeline" / "recordings" / "index.py"))
+    (package / "motion").mkdir(parents=True)
+    for number in (1, 2):
+        (package / "motion" / "rules.py").write_text(f"LARGEST = {number}\n")
+        work.clear()
+        ranked(cli, bags, *option)
+        assert "a.mcap" in work
+        assert "scored" in work
+    work.clear()
+    ranked(cli, bags, *option)
+    assert not work
 
 
 def test_folders_in_a_recording_are_not_walked(bags: Path) -> None:
