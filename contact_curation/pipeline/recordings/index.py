@@ -27,6 +27,7 @@ from contact_curation.storage.provenance import SeenToss, TossProvenance
 from contact_curation.storage.shards import Shard, ShardRow, shard_at, writing_shard
 from contact_curation.storage.stores.information import packed_information, unpacked_information
 from contact_curation.storage.stores.tosses import packed_toss, unpacked_toss
+from contact_curation.version import __version__
 
 Scores = tuple[TossInformation | NotScored, ...]
 """The information of one toss, once per theta."""
@@ -172,12 +173,12 @@ def digest_of_scores(path: Path, config: ReadingConfig, rules: object) -> str:
 
 
 def _digest(*parts: object) -> str:
-    return sha256(repr((_code(), COMPILED, *parts)).encode()).hexdigest()
+    return sha256(repr((__version__, _code(), COMPILED, *parts)).encode()).hexdigest()
 
 
 @cache
 def _code() -> str:
-    """Digest of this package's Python files: rules of reading and scoring change between its releases, too."""
+    """Digest of this package's Python files, where they are there: rules change between its releases, too."""
     package, state = Path(__file__).parents[2], sha256()
     for file in sorted(package.rglob("*.py")):
         for part in (file.relative_to(package).as_posix().encode(), file.read_bytes()):
