@@ -26,7 +26,8 @@ REPOSITORY = HERE.parents[1]
 BUILD = REPOSITORY / "build" / "fuzz"
 HANGS = 120
 """[s] for one input: so long a busy machine does not make a quick one."""
-LIMITS = (f"-timeout={HANGS}", "-rss_limit_mb=2500", "-malloc_limit_mb=1000", "-reload=0", "-len_control=0")
+LIMITS = (f"-timeout={HANGS}", f"-report_slow_units={HANGS}", "-rss_limit_mb=2500", "-malloc_limit_mb=1000")
+SEARCH = ("-reload=0", "-len_control=0")
 FINDINGS = ("crash-", "timeout-", "oom-", "slow-unit-")
 KERNEL = "kernel"
 
@@ -44,7 +45,7 @@ def fuzz(target: str, seconds: float) -> tuple[int, int]:
         options = (f"-max_total_time={left}", f"-max_len={longest}", f"-artifact_prefix={artifacts}/", "-print_final_stats=1")
         log = BUILD / f"{target}.log"
         with log.open("w") as said:
-            whole = [*command, *LIMITS, *options, str(corpus), *own]
+            whole = [*command, *LIMITS, *SEARCH, *options, str(corpus), *own]
             subprocess.run(whole, stderr=said, stdout=said, check=False, cwd=REPOSITORY)
         counts = re.findall(r"^(?:#|stat::number_of_executed_units: )(\d+)", log.read_text(errors="replace"), re.MULTILINE)
         executions += max(map(int, counts), default=0)
