@@ -82,6 +82,7 @@ def _addresses(name: str) -> list[Path]:
         return [Address(name)]
     with _reached(name):
         files, pattern = fsspec.core.url_to_fs(name)
+        files.invalidate_cache()  # listings, which fsspec keeps for the life of the process
         found = files.glob(pattern, detail=True)
         return [*_some(name, [Address(files.unstrip_protocol(one)).known(found[one]) for one in sorted(found)])]
 
@@ -118,6 +119,7 @@ class Address(PosixPath):
         if self._facts is None:
             with _reached(self):
                 files, path = self._place()
+                files.invalidate_cache(path)  # a listing from before
                 self._facts = files.info(path)
         return self._facts
 

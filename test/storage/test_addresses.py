@@ -17,6 +17,7 @@ from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.tosses import input_paths
 from contact_curation.storage.addresses import Address, coalesced
+from contact_curation.storage.bags.file import file_sha256
 from contact_curation.storage.bags.reader import BagReader
 from contact_curation.storage.inputs.inputs import Problem, open_inputs
 from test.cli.commands import Cli
@@ -98,6 +99,18 @@ def test_a_pattern_is_listed_once_and_its_bags_are_not_asked_about_again(server:
     server.asked.clear()
     assert digests(loads(dumps(found[0]))) == digests(session)
     assert "HEAD" not in {method for method, _, _ in server.asked}
+
+
+def test_what_was_added_replaced_or_removed_since_the_last_call_is_seen(server: ObjectServer, session: Path) -> None:
+    """fsspec remembers listings as long as the process lives, as in a notebook."""
+    first = server.put(session, "grown/a.mcap")
+    (before,) = input_paths("s3://lab/grown/*.mcap")
+    session.write_bytes(session.read_bytes()[:-1])
+    server.put(session, "grown/a.mcap")
+    server.put(session, "grown/b.mcap")
+    (alone,), after = input_paths(first), input_paths("s3://lab/grown/*.mcap")
+    assert [one.name for one in after] == ["a.mcap", "b.mcap"]
+    assert {file_sha256(one) for one in (alone, *after)} == {file_sha256(alone)} != {file_sha256(before)}
 
 
 def test_what_cannot_be_reached_is_a_line_and_the_others_are_read(server: ObjectServer, session: Path) -> None:

@@ -22,6 +22,7 @@ from contact_curation.information.scoring import NotScored
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.storage.addresses import Address
+from contact_curation.storage.bags.formats.sqlite import stored_parts
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.provenance import SeenToss, TossProvenance
 from contact_curation.storage.shards import Shard, ShardRow, shard_at, writing_shard
@@ -189,7 +190,7 @@ def _code() -> str:
 def _files(path: Path) -> list[Path]:
     """The files of a recording; of the folders in its folder only that of ContactNets' tosses belongs to it."""
     if not path.is_dir():
-        return [path]
+        return stored_parts(path)
     entries = sorted(path.iterdir())
     tosses = [one for folder in entries if folder.name == SUBFOLDER and folder.is_dir() for one in sorted(folder.iterdir())]
     return [one for one in (*entries, *tosses) if one.is_file()]

@@ -25,7 +25,7 @@ from contact_curation.storage.bags.formats.mcap import open_mcap
 from contact_curation.storage.bags.formats.mcap_at_address import open_mcap_at_address
 from contact_curation.storage.bags.formats.mcap_records import MCAP_MAGIC, read_notes
 from contact_curation.storage.bags.formats.ros1 import ROS1_MAGIC, open_ros1
-from contact_curation.storage.bags.formats.sqlite import SQLITE_MAGIC, SqliteStorage
+from contact_curation.storage.bags.formats.sqlite import SQLITE_MAGIC, SqliteStorage, stored_parts
 from contact_curation.storage.bags.records import BagMessage, Channel, OfferedQos, RawMessage, StoredMessage, TopicInfo
 
 AS_PARTS = "they are read as parts of one recording"
@@ -305,7 +305,8 @@ class BagReader:
     @cached_property
     def sha256(self) -> str:
         """SHA-256 of the storage file; for several files that of sha256sum's output (`<sha256>  <name>` per line)."""
-        digests = [(file_sha256(file), file.name) for file in self._folder.files]
+        parts = [part for file in self._folder.files for part in stored_parts(file)]
+        digests = [(file_sha256(part), part.name) for part in parts]
         if len(digests) == 1:
             return digests[0][0]
         listed = "".join(f"{digest}  {name}\n" for digest, name in digests)

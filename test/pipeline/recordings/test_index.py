@@ -3,8 +3,10 @@
 import json
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,7 @@ from contact_curation.pipeline.recordings.index import _files
 from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.shards import ShardRow, shard_at, writing_shard
 from test.cli.commands import Cli
-from test.storage.inputs.test_inputs import mcap_file
+from test.storage.inputs.test_inputs import mcap_file, storage_file
 
 
 class Work(list[str]):
@@ -123,6 +125,26 @@ def test_other_code_of_the_package_reads_and_scores_again(
     work.clear()
     ranked(cli, bags, *option)
     assert not work
+
+
+def test_messages_that_a_recorder_adds_beside_a_database_are_read(cli: Cli, work: Work, tmp_path: Path) -> None:
+    """SQLite writes new messages to `bag.db3-wal`; `bag.db3` has the size and times of before until they are moved there."""
+    database = storage_file(tmp_path)
+    command = ("rank", database, "--body-frame", "", "--jobs", 1, "--json", "--index", tmp_path / "index")
+    with closing(sqlite3.connect(database, isolation_level=None)) as live:
+        live.execute("PRAGMA journal_mode = WAL")
+        half = live.execute("SELECT count(*) / 2 FROM messages").fetchone()
+        late = live.execute("SELECT * FROM messages ORDER BY timestamp LIMIT -1 OFFSET ?", half).fetchall()
+        live.executemany("DELETE FROM messages WHERE id = ?", [row[:1] for row in late])
+        live.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        before, state = cli(*command).json, database.stat()
+        live.executemany(f"INSERT INTO messages VALUES ({','.join('?' * len(late[0]))})", late)
+        assert (state.st_size, state.st_ctime_ns) == (database.stat().st_size, database.stat().st_ctime_ns)
+        work.clear()
+        after = cli(*command).json
+    assert work == [database.name, "scored"]
+    assert len(after["tosses"]) > len(before["tosses"])
+    assert before["tosses"][0]["input_sha256"] != after["tosses"][0]["input_sha256"]
 
 
 def test_folders_in_a_recording_are_not_walked(bags: Path) -> None:

@@ -11,6 +11,7 @@ from rosbags.typesys.msg import normalize_msgtype
 
 from contact_curation.errors import UnreadableInputError
 from contact_curation.files import temporary_folder
+from contact_curation.storage.addresses import Address
 from contact_curation.storage.bags.file import BagFile, Losses
 from contact_curation.storage.bags.records import Channel, StoredMessage, qos_from
 
@@ -117,7 +118,7 @@ class SqliteStorage:
     def _opened(self, path: Path) -> sqlite3.Connection:
         """A connection that does not change the folder; a database with an unfinished transaction is copied first."""
         immutable = "?immutable=1"
-        if any(_has_bytes(_beside(path, ending)) for ending in UNFINISHED):
+        if len(stored_parts(path)) > 1:
             path = self._copy(path)
             immutable = ""
         connection = sqlite3.connect(f"{path.absolute().as_uri()}{immutable}", uri=True, check_same_thread=False)
@@ -190,9 +191,15 @@ def _type_name(kind: str) -> str:
     return str(normalize_msgtype(kind)) if kind.count("/") == 1 else kind
 
 
+def stored_parts(path: Path) -> list[Path]:
+    """A storage file, and what SQLite left beside it that belongs to its content; of a file on a server it alone is read."""
+    beside = [] if isinstance(path, Address) else [_beside(path, ending) for ending in UNFINISHED]
+    return [path, *(one for one in beside if _has_bytes(one))]
+
+
 def _beside(path: Path, ending: str) -> Path:
     return path.with_name(path.name + ending)
 
 
 def _has_bytes(path: Path) -> bool:
-    return path.exists() and path.stat().st_size > 0
+    return path.is_file() and path.stat().st_size > 0
