@@ -11,6 +11,7 @@ from contact_curation.cli.options.output_paths import add_overwrite_option, chec
 from contact_curation.cli.options.reading import (
     POSES,
     SHARED_STAGES,
+    Recordings,
     add_params_option,
     add_pose_options,
     inputs_of,
@@ -26,11 +27,12 @@ from contact_curation.design.planner import DesignConfig
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.design import BASELINES, EXPLORATION, METHODS, DesignTask, design_throws
-from contact_curation.pipeline.division import read_otherwise
+from contact_curation.pipeline.division import ranked_from, ranked_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.theta import described_polytope, of_other_rigs, polytope_of
-from contact_curation.pipeline.tosses import read_tosses
+from contact_curation.pipeline.tosses import Tosses, read_tosses
 from contact_curation.solver.compiled import load_kernel
+from contact_curation.storage.export.selected import check_all_found, selected_rows
 from contact_curation.storage.manifest.file import read_manifest
 
 CANDIDATES = ("forecast", "safety", "noise", "placement")
@@ -51,15 +53,20 @@ def add_options(parser: OneLineParser) -> None:
     add_body_option(parser)
     group = parser.add_argument_group("what is known")
     group.add_argument(
-        "--known", type=Path, nargs="+", default=[], metavar="INPUT", help="recordings of tosses that are known (default none)"
+        "--known",
+        nargs="+",
+        action=Recordings,
+        default=[],
+        metavar="INPUT",
+        help="recordings of tosses that are known (default none)",
     )
     group.add_argument(
         "--manifest", type=Path, metavar="FILE", help="manifest: of those recordings, use only the tosses that it selected"
     )
     group.add_argument(
         "--prior",
-        type=Path,
         nargs="+",
+        action=Recordings,
         default=[],
         metavar="INPUT",
         help="recordings of throws like those to be made (default: the published statistics of ContactNets' releases)",
@@ -109,7 +116,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
     task, reading = design_task(arguments)
     known, seen = _known(arguments, reading)
-    examples, warnings = _read(arguments.prior, reading)
+    prior = _read(arguments.prior, reading) if arguments.prior else None
+    examples, warnings = (prior.in_order_of_ids, prior.warnings) if prior else ((), ())
     warnings = (*(of_other_rigs(arguments.params, reading.inputs.rig) if known else ()), *seen, *warnings)
     warn(warnings)
     task = replace(task, known=known, examples=examples)
@@ -173,22 +181,17 @@ def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple
         raise InvalidValueError(
             "--manifest", f"{arguments.manifest} and no --known", "--known INPUT..., the recordings that it is of"
         )
-    tosses, warnings = _read(arguments.known, reading)
-    if arguments.manifest is None:
-        return tosses, warnings
-    manifest = read_manifest(arguments.manifest)
-    by_id, wanted = {toss.toss_id: toss for toss in tosses}, sorted(row.toss_id for row in manifest.selected)
-    absent = [toss_id for toss_id in wanted if toss_id not in by_id]
-    if absent:
-        raise InvalidValueError(f"selected tosses of {arguments.manifest}", f"no {absent[0]} in the recordings", "all of them")
-    otherwise = read_otherwise(manifest, arguments.manifest, reading.inputs)
-    return tuple(by_id[toss_id] for toss_id in wanted), (*warnings, *otherwise)
-
-
-def _read(paths: Sequence[Path], reading: ReadingConfig) -> tuple[tuple[Toss, ...], tuple[str, ...]]:
-    """The tosses of recordings in the order of their ids, and warnings; both empty without recordings."""
-    if not paths:
+    if not arguments.known:
         return (), ()
+    tosses = _read(arguments.known, reading, arguments.manifest)
+    if arguments.manifest is None:
+        return tosses.in_order_of_ids, tosses.warnings
+    selected = selected_rows(read_manifest(arguments.manifest), arguments.manifest)
+    check_all_found(selected, tosses.by_id, arguments.manifest, tosses.warnings)
+    return tosses.only(selected).in_order_of_ids, (*tosses.warnings, *ranked_otherwise(arguments.manifest, tosses))
+
+
+def _read(paths: Sequence[Path], reading: ReadingConfig, manifest: Path | None = None) -> Tosses:
+    """The tosses of recordings; those that a manifest names from the recordings that it was made from."""
     with Progress("reading", "tosses") as progress:
-        tosses = read_tosses(paths, reading, advance=progress.advance).check_some("no toss")
-    return tosses.in_order_of_ids, tosses.warnings
+        return read_tosses(paths, reading, advance=progress.advance, meant=ranked_from(manifest)).check_some("no toss")

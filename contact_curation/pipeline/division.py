@@ -18,6 +18,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import Reading
 from contact_curation.pipeline.tosses import EachOnce, Tosses
 from contact_curation.pipeline.wording import counted_tosses, listed
+from contact_curation.storage.export.selected import changed_inputs, ranked_recordings
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.manifest.file import FORMATS, read_manifest
 from contact_curation.storage.manifest.manifest import Manifest
@@ -93,6 +94,11 @@ class OtherRecordingsError(ContactCurationError):
 
 def _names(paths: Sequence[str]) -> list[str]:
     return [Path(path).name for path in paths if path]
+
+
+def ranked_from(manifest: Path | None) -> dict[str, str]:
+    """By id the digest of the recording that a toss of a manifest was ranked from, for `read_tosses`; none without one."""
+    return ranked_recordings(read_manifest(manifest).rows) if manifest else {}
 
 
 def selected_ids(manifest: Path) -> tuple[str, ...]:
@@ -193,6 +199,13 @@ class LearningTosses:
     warnings: tuple[str, ...]
 
 
+def ranked_otherwise(manifest: Path, tosses: Tosses) -> list[str]:
+    """A line for each recording with selected tosses of a manifest that has other bytes now, and where settings are others."""
+    content = read_manifest(manifest)
+    found = [(row, tosses.taken[row.toss_id].seen.origin) for row in content.selected if row.toss_id in tosses.taken]
+    return [*changed_inputs(found), *read_otherwise(content, manifest, tosses.config.inputs)]
+
+
 def read_otherwise(manifest: Manifest, name: object, inputs: InputsConfig) -> list[str]:
     """A line where tosses are read with another rig calibration or segmentation than they were ranked with, or none.
 
@@ -228,7 +241,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     parts = split(
         [*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_duplicates
     )
-    otherwise = read_otherwise(read_manifest(config.manifest), config.manifest, tosses.config.inputs) if config.manifest else []
+    otherwise = ranked_otherwise(config.manifest, tosses) if config.manifest else []
     lines = (*tosses.warnings, *_missing(pool, ids, config), *otherwise)
     if not parts.training:
         why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.duplicates)} are duplicates of those"

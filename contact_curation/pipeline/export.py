@@ -10,9 +10,8 @@ from contact_curation.pipeline.division import read_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.workers import Advance, unheard
-from contact_curation.storage.bags.file import file_sha256
 from contact_curation.storage.bags.reader import BagReader
-from contact_curation.storage.datasets.contactnets import SUBFOLDER, contactnets_files
+from contact_curation.storage.datasets.contactnets import SUBFOLDER
 from contact_curation.storage.export.contactnets import write_contactnets
 from contact_curation.storage.export.data_card import CARD, data_card
 from contact_curation.storage.export.lerobot import uneven_lines, write_lerobot
@@ -22,12 +21,12 @@ from contact_curation.storage.export.selected import (
     SelectedTosses,
     changed_inputs,
     check_all_found,
+    ranked_recordings,
     selected_rows,
 )
 from contact_curation.storage.inputs.inputs import InputsConfig, is_contactnets
 from contact_curation.storage.manifest.file import read_manifest, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
-from contact_curation.storage.provenance import SeenToss
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,33 +139,13 @@ def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unhear
         InvalidValueError: one of them is in no input.
     """
     reading = replace(job.reading, inputs=inputs)
-    read = read_tosses(job.inputs, reading, advance=advance, only=job.rows, counts=_ranked(job))
+    read = read_tosses(job.inputs, reading, advance=advance, only=job.rows, meant=ranked_recordings(job.rows.values()))
     outcomes = {**read.by_id, **{one.toss.toss_id: one.toss for one in read.rejected}}
     check_all_found(job.rows, outcomes, job.manifest_path, read.warnings)
     tosses = tuple(SelectedToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
     changed = changed_inputs((one.row, one.origin) for one in tosses)
     otherwise = read_otherwise(job.manifest, job.manifest_path, job.reading.inputs)
     return SelectedTosses(tosses, (*read.warnings, *changed, *otherwise))
-
-
-def _ranked(job: ExportJob) -> Callable[[SeenToss], bool]:
-    """Whether a toss of an input may be the selected one of its id: not where another input has the bytes that were ranked."""
-    digests = {digest for path in job.inputs for digest in _digests(path)} if len(job.inputs) > 1 else set()
-
-    def may_be(seen: SeenToss) -> bool:
-        row = job.rows.get(seen.toss_id)
-        return row is None or row.input_sha256 == seen.origin.input_sha256 or row.input_sha256 not in digests
-
-    return may_be
-
-
-def _digests(path: Path) -> set[str]:
-    """Of a recording, or of each of ContactNets' files; none where they cannot be read."""
-    try:
-        files = contactnets_files(path) if is_contactnets(path) else []
-        return {file_sha256(file) for file in files} or {_digest(path)}
-    except (ContactCurationError, OSError):
-        return set()
 
 
 def _exported_bags(job: ExportJob, folder: Path, advance: Advance) -> tuple[list[BagExport], list[str]]:

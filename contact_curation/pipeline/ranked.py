@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from html import escape
@@ -24,6 +24,7 @@ from contact_curation.pipeline.pool import TossPool
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import CHECK_SAYS, Tosses, read_tosses
 from contact_curation.pipeline.wording import counted, counted_tosses, in_brackets, nothing_found, plain_json
+from contact_curation.storage.export.selected import changed_inputs, ranked_recordings
 from contact_curation.storage.manifest.file import FORMATS, provenance_of, write_manifest
 from contact_curation.storage.manifest.manifest import Manifest, ManifestRow
 from contact_curation.storage.outputs import CSV
@@ -86,7 +87,10 @@ class RankedTosses:
         """The selected tosses, best first; those of recordings that were not in memory are read once more."""
         if isinstance(self.source, Tosses):
             return self.source.only(self.selected_ids)
-        return read_tosses(self.source, self.reading, only=self.selected_ids).only(self.selected_ids)
+        meant = ranked_recordings(self.manifest.rows)
+        tosses = read_tosses(self.source, self.reading, only=self.selected_ids, meant=meant).only(self.selected_ids)
+        changed = changed_inputs((row, tosses.taken[row.toss_id].seen.origin) for row in self.manifest.selected)
+        return replace(tosses, warnings=(*tosses.warnings, *changed))
 
     @property
     def ranked_rows(self) -> tuple[ManifestRow, ...]:

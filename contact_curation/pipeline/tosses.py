@@ -241,7 +241,7 @@ def read_tosses(
     jobs: int = 1,
     advance: Advance = unheard,
     only: Collection[str] | None = None,
-    counts: Callable[[SeenToss], bool] = lambda _: True,
+    meant: Mapping[str, str] = MappingProxyType({}),
 ) -> Tosses:
     """Reads recordings.
 
@@ -251,7 +251,8 @@ def read_tosses(
         jobs: how many processes.
         advance: told how many tosses more were read.
         only: ids of the tosses whose frames are wanted; None for all.
-        counts: whether a toss is looked at, or is as if it were not there.
+        meant: by id the digest of the recording whose toss is meant, as of a ranking; where one of these recordings has it,
+            tosses with that id in others are as if they were not there.
     """
     once, readings, warnings = EachOnce(), list[Reading](), list[str]()
     outcomes: list[dict[str, Toss | Rejected]] = []
@@ -259,11 +260,24 @@ def read_tosses(
     for own, reading in each(partial(_read, config, wanted), paths, jobs, advance):
         outcomes.append(own)
         readings.append(reading)
+    counts = _counting(readings, meant)
+    for reading in readings:
         warnings += (*reading.warnings, *once.add(replace(reading, seen=tuple(filter(counts, reading.seen)))))
     found = [outcomes[one.recording].get(toss_id) for toss_id, one in once.taken.items()]
     accepted = tuple(one for one in found if isinstance(one, Toss))
     rejected = tuple(one for one in found if isinstance(one, Rejected))
     return Tosses(accepted, rejected, config, tuple(readings), tuple(once.left_out), tuple(warnings), once.taken)
+
+
+def _counting(readings: Sequence[Reading], meant: Mapping[str, str]) -> Callable[[SeenToss], bool]:
+    """Whether a toss counts; see `read_tosses`."""
+    there = {seen.origin.input_sha256 for reading in readings for seen in reading.seen}
+
+    def counts(seen: SeenToss) -> bool:
+        digest = meant.get(seen.toss_id, "")
+        return digest == seen.origin.input_sha256 or digest not in there
+
+    return counts
 
 
 def evaluation_tosses(name: str, paths: Sequence[Path], config: ReadingConfig) -> tuple[Toss, ...]:

@@ -7,6 +7,7 @@ import pytest
 
 from test.cli.commands import Cli
 from test.cli.trainings import SHORT, events
+from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
 
 
 @pytest.fixture
@@ -49,6 +50,25 @@ def test_kept_tosses_that_are_not_in_the_inputs_are_one_line(cli: Cli, folder: P
     refused = cli("train", *others, *options, "--out", tmp_path / "b.safetensors")
     assert (refused.status, len(refused.err_lines)) == (1, 1)
     assert f"{manifest} was made from {folder.name}; you gave " in refused.err
+
+
+def test_of_tosses_with_one_id_the_ranked_one_is_learned_from_and_another_in_its_place_is_said(
+    cli: Cli, tmp_path: Path
+) -> None:
+    ranked, other, manifest = tmp_path / "ranked", tmp_path / "other", tmp_path / "m.json"
+    for folder, height in ((ranked, 0.25), (other, 0.2)):
+        folder.mkdir()
+        save_contactnets(folder, 17, synthetic_toss(height))
+    cli("rank", ranked, "--out", manifest, "--no-figure")
+    trained = {}
+    for name, inputs in (("alone", [ranked]), ("behind", [other, ranked]), ("replaced", [other])):
+        out = tmp_path / f"{name}.safetensors"
+        done = cli("train", *inputs, "--manifest", manifest, "--held-out", "none", "--steps", 2, "--out", out)
+        assert done.status == 0, done.err
+        trained[name] = out.read_bytes()
+        line = f"{other / '17.pt'}: holds selected tosses, but its bytes are not those that were ranked"
+        assert (line in done.err) == (name == "replaced")
+    assert trained["alone"] == trained["behind"] != trained["replaced"]
 
 
 def test_the_longest_are_the_baseline_of_any_model(cli: Cli, folder: Path, tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
     parser.add_argument(
         "inputs",
         nargs="+" if needed else "*",
-        action=_Inputs,
+        action=Recordings,
         metavar="INPUT",
         help="MCAP file, rosbag2 folder or its storage file, ROS 1 bag, folder of ContactNets .pt files or one of them; its "
         "address (s3://, gs://, https://); or a pattern such as 'bags/*.mcap' or 's3://lab/*.mcap'",
@@ -58,14 +58,15 @@ def add_reading_options(parser: argparse.ArgumentParser, stages: tuple[str, ...]
     add_settings(parser, stages)
 
 
-class _Inputs(argparse.Action):
-    """Collects recordings; a pattern stands for all paths that match it. `given` is what was written, patterns included."""
+class Recordings(argparse.Action):
+    """Collects recordings; a pattern stands for all paths that match it. `given` are the INPUTs as they were written."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option: Any = None) -> None:
         from contact_curation.pipeline.tosses import input_paths
 
         setattr(namespace, self.dest, list(input_paths(values)))
-        namespace.given = values
+        if not self.option_strings:
+            namespace.given = values
 
 
 def add_pose_options(parser: argparse.ArgumentParser) -> None:

@@ -32,7 +32,14 @@ from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
-from contact_curation.pipeline.division import DivisionConfig, LearningTosses, held_out_rule, learning_tosses, selected_ids
+from contact_curation.pipeline.division import (
+    DivisionConfig,
+    LearningTosses,
+    held_out_rule,
+    learning_tosses,
+    ranked_from,
+    selected_ids,
+)
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.theta import of_other_rigs
 from contact_curation.pipeline.tosses import read_tosses
@@ -179,7 +186,7 @@ def run(arguments: argparse.Namespace) -> int:
     load_kernel()  # an error should come before tosses are read
     config, reading = _configs(arguments)
     with Progress("reading", "tosses") as bar:
-        read = read_tosses(arguments.inputs, reading, advance=bar.advance)
+        read = read_tosses(arguments.inputs, reading, advance=bar.advance, meant=ranked_from(arguments.manifest))
     tosses = learning_tosses(read, config.division)
     tosses = replace(tosses, warnings=(*of_other_rigs([arguments.params], config.rig), *tosses.warnings))
     warn(tosses.warnings)

@@ -72,6 +72,11 @@ def check_all_found(rows: Mapping[str, ManifestRow], found: Collection[str], man
     )
 
 
+def ranked_recordings(rows: Iterable[ManifestRow]) -> dict[str, str]:
+    """By id the digest of the recording that a toss was ranked from; without those whose recording is not known."""
+    return {row.toss_id: row.input_sha256 for row in rows if row.input_sha256}
+
+
 def changed_inputs(selected: Iterable[tuple[ManifestRow, TossProvenance]]) -> tuple[str, ...]:
     """A line for each recording that contains a selected toss, but has other bytes than the ranked one."""
     paths = dict.fromkeys(

@@ -19,6 +19,7 @@ from contact_curation.storage.bags.writer import BagWriter
 from contact_curation.storage.checkpoint_file import save_model
 from contact_curation.storage.throws_file import read_throws
 from test.cli.commands import Cli, Outcome, write_parameters
+from test.storage.inputs.test_inputs import mcap_file
 
 SMALL = ("design.pool=16", "design.reference=8", "forecast.executions=2", "refinement.generations=1", "safety.motions=20")
 SETTINGS = [word for setting in (*SMALL, "safety.share=0.1", "loss.threads=1") for word in ("--set", setting)]
@@ -110,6 +111,17 @@ def test_of_known_tosses_a_manifest_chooses(cli: Cli, tmp_path: Path, golden: Pa
     assert cli("rank", golden, "--top", 3, "--no-figure", "--out", manifest).status == 0
     said = design(cli, tmp_path / "throws.json", "--known", golden, "--manifest", manifest, "--json").json
     assert said["known"] == 3
+    absent = design(cli, tmp_path / "throws.json", "--known", mcap_file(tmp_path), "--manifest", manifest, "--overwrite")
+    assert f"inputs: found 3 of 3 selected tosses of {manifest} not in them" in absent.err
+    assert f"expected the recordings that were ranked ({golden})" in absent.err
+
+
+def test_known_tosses_may_be_given_by_a_pattern(cli: Cli, tmp_path: Path, golden: Path) -> None:
+    for name in ("a.mcap", "b.mcap"):
+        (tmp_path / name).symlink_to(golden)
+    said = design(cli, tmp_path / "throws.json", "--known", tmp_path / "*.mcap", "--prior", tmp_path / "b*.mcap", "--json")
+    assert said.status == 0, said.err
+    assert said.json["known"] == 21
 
 
 def test_checkpoints_and_json_files_are_particles_that_gains_are_averaged_over(cli: Cli, tmp_path: Path) -> None:
