@@ -30,7 +30,15 @@ from contact_curation.pipeline.ranking import RankConfig, rank_tosses
 from contact_curation.pipeline.reading import ReadingConfig, inputs_config
 from contact_curation.pipeline.recordings.index import RecordingIndex
 from contact_curation.pipeline.scoring import PoolConfig
-from contact_curation.pipeline.theta import Theta, described_polytope, form_of, of_other_rigs, theta_of
+from contact_curation.pipeline.theta import (
+    Theta,
+    described_polytope,
+    form_of,
+    learned_before,
+    of_held_out_tosses,
+    of_other_rigs,
+    theta_of,
+)
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
 from contact_curation.pipeline.tosses import Inputs, Tosses, checked_tosses, input_paths, read_tosses
 from contact_curation.pipeline.workers import Progress, processes_for, silent
@@ -323,6 +331,7 @@ def train(
         start=start_of(start, model, found.body),
         seed=seed,
         rig=found.config.inputs.rig,
+        learned_before=learned_before(start),
     )
     with own_torch(), (progress or silent)("training", "steps", None if budget.exact else budget.steps) as bar:
         running = TrainingRun.begun(plan, learning)
@@ -331,7 +340,7 @@ def train(
         running.check()
         bounce = running.bounce()
         missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
-        others = of_other_rigs([start], found.config.inputs.rig)
+        others = (*of_other_rigs([start], found.config.inputs.rig), *of_held_out_tosses(start, learning.held_out))
         return replace(running.model(), warnings=(*others, *found.warnings, *filter(None, (missing,)), *running.doubts()))
 
 

@@ -166,14 +166,15 @@ def model_of_checkpoint(data: bytes, name: str, body: Body | None = None) -> Lea
         body: which it must be for.
     """
     model, notes = model_of_bytes(data, name, body), notes_of_bytes(data, name)
-    learned, last, held_out = (_ids(notes.get(key, "")) for key in ("training ids", "fitted ids", "held-out ids"))
+    keys = ("training ids", "fitted ids", "held-out ids", "earlier ids")
+    learned, last, held_out, earlier = (_ids(notes.get(key, "")) for key in keys)
     selections = _selected(notes, name)
     if selections:
         learned, last = frozenset[str]().union(*selections), selections[-1]
     return LearnedModel(
         model=model,
         name=name,
-        learned_from=learned,
+        learned_from=learned | earlier,
         fitted_to=last or learned,
         held_out=held_out,
         rig=notes.get("rig"),

@@ -17,12 +17,13 @@ from contact_curation.contact.parameter_form import Form, form_of_geometry, para
 from contact_curation.errors import InvalidValueError
 from contact_curation.geometry.quaternions import Array
 from contact_curation.motion.calibration import RigCalibration
+from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import settings_of
 from contact_curation.storage.parameters_file import CHECKPOINT, Parameters, is_checkpoint, read_theta
 
 if TYPE_CHECKING:
     from contact_curation.contact.models.model import Model
-    from contact_curation.pipeline.learned_model import GivenModel
+    from contact_curation.pipeline.learned_model import GivenModel, LearnedModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,20 +117,33 @@ def of_other_rigs(models: "Iterable[GivenModel | None]", rig: RigCalibration) ->
         rig: how the tosses here are calibrated.
     """
     now, lines = settings_of(rig), []
-    for name, then in filter(None, map(_name_and_rig, models)):
-        if then is not None and then != now:
-            learned, here = (f"calibrated by {one}" if one else "as recorded" for one in (then, now))
-            lines.append(f"{name}: it learned from tosses {learned}, and those here are {here}")
+    for model in filter(None, map(_learned, models)):
+        if model.rig is not None and model.rig != now:
+            learned, here = (f"calibrated by {one}" if one else "as recorded" for one in (model.rig, now))
+            lines.append(f"{model.name}: it learned from tosses {learned}, and those here are {here}")
     return tuple(lines)
 
 
-def _name_and_rig(model: "GivenModel | None") -> tuple[str, str | None] | None:
+def learned_before(start: "GivenModel | None") -> frozenset[str]:
+    """Ids of the tosses that a model to start from, or that of its file, ever learned from, as far as its file says."""
+    model = _learned(start)
+    return model.learned_from if model else frozenset()
+
+
+def of_held_out_tosses(start: "GivenModel | None", held_out: Sequence[Toss]) -> tuple[str, ...]:
+    """A line where a model to start from learned from tosses that are held out of the training, or none."""
+    model = _learned(start)
+    count = len({toss.toss_id for toss in held_out} & model.learned_from) if model else 0
+    return (f"{model.name}: it learned from {count} of the {len(held_out)} held-out tosses",) if model and count else ()
+
+
+def _learned(model: "GivenModel | None") -> "LearnedModel | None":
+    """The model, or that of a checkpoint; None for parameters in JSON."""
     if model is None or (isinstance(model, str | PathLike) and not is_checkpoint(Path(model))):
         return None
     from contact_curation.pipeline.learned_model import model_of
 
-    known = model_of(model)
-    return known.name, known.rig
+    return model_of(model)
 
 
 def _network(path: Path, kind: str, body: Body) -> NetworkTheta:

@@ -81,6 +81,7 @@ class TrainConfig:
         start: to begin with; None for the published initialisation.
         seed: of everything random.
         rig: how the tosses were calibrated.
+        learned_before: ids of the tosses that the model to begin with learned from.
     """
 
     kind: str
@@ -92,6 +93,7 @@ class TrainConfig:
     start: Model | Parameters | None = None
     seed: int = 0
     rig: RigCalibration = NO_CORRECTION
+    learned_before: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         set_whole_numbers(self, ("seed",))
@@ -161,18 +163,20 @@ class TrainingRun:
         plan: what decides it.
         curated: where it is.
         loss_before: held-out loss before the first step; NaN if nothing is held out.
-        rig: how the tosses were calibrated.
+        config: of the training.
     """
 
-    def __init__(self, plan: TrainingPlan, curated: CuratedTraining, loss_before: float, rig: RigCalibration) -> None:
+    def __init__(self, plan: TrainingPlan, curated: CuratedTraining, loss_before: float, config: TrainConfig) -> None:
         self.plan, self.curated, self.loss_before = plan, curated, loss_before
         self._notes = {
             BEFORE: repr(loss_before),
             "package version": __version__,
             "training ids": "\n".join(toss.toss_id for toss in plan.tosses),
             "held-out ids": "\n".join(toss.toss_id for toss in plan.held_out),
-            "rig": settings_of(rig),
+            "rig": settings_of(config.rig),
         }
+        if config.learned_before:
+            self._notes["earlier ids"] = "\n".join(sorted(config.learned_before))
 
     @classmethod
     def begun(cls, config: TrainConfig, tosses: LearningTosses) -> Self:
@@ -185,14 +189,14 @@ class TrainingRun:
         curated = begin(plan)
         held_out = curated.training.held_out
         before = nan if held_out is None else mean_loss(curated.training.model, rows_of(held_out), plan.protocol.loss).loss
-        return cls(plan, curated, before, config.rig)
+        return cls(plan, curated, before, config)
 
     @classmethod
     def resumed(cls, config: TrainConfig, tosses: LearningTosses, data: bytes, source: Path) -> Self:
         """Where the training in the bytes of a checkpoint was; errors as of `learning.training.plan.resume`."""
         plan = config.plan(tosses)
         curated = resume(plan, data, source)
-        return cls(plan, curated, float(notes_of_bytes(data, source).get(BEFORE, "nan")), config.rig)
+        return cls(plan, curated, float(notes_of_bytes(data, source).get(BEFORE, "nan")), config)
 
     @property
     def progress(self) -> Progress:

@@ -398,6 +398,23 @@ def test_a_training_goes_on_from_a_model_in_memory_as_from_its_file(
         ANY.train(ranking.selected, start=3)
 
 
+def test_what_the_model_to_start_from_learned_from_stays_known(
+    cli: Cli, golden_bag: Path, ranking: cc.RankedTosses, model: cc.LearnedModel, tmp_path: Path
+) -> None:
+    excluded = ranking.selected.accepted[0].toss_id
+    again = cc.train(ranking.selected, steps=2, start=model, held_out=[ranking.selected.taken[excluded].seen.number])
+    assert again.fitted_to == model.learned_from - {excluded}
+    assert again.learned_from == model.learned_from
+    assert f"{model.name}: it learned from 1 of the 1 held-out tosses" in again.warnings
+    model.save(tmp_path / "start.safetensors")
+    (tmp_path / "excluded.txt").write_text(excluded)
+    words = ("--params", tmp_path / "start.safetensors", "--held-out", tmp_path / "excluded.txt", "--steps", 2)
+    done = cli("train", golden_bag, *words, "--out", tmp_path / "again.safetensors")
+    assert f"{tmp_path / 'start.safetensors'}: it learned from 1 of the 1 held-out tosses" in done.err
+    judged = cli("evaluate", tmp_path / "again.safetensors", golden_bag)
+    assert f"{tmp_path / 'again.safetensors'}: it learned from 1 of the 1 tosses it is evaluated on" in judged.err
+
+
 @pytest.mark.slow
 def test_the_number_of_threads_of_torch_is_the_callers_again(tosses: cc.Tosses, deep: cc.LearnedModel) -> None:
     before, few = torch.get_num_threads(), cc.rank(tosses, 4).selected

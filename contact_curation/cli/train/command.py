@@ -41,7 +41,7 @@ from contact_curation.pipeline.division import (
     selected_ids,
 )
 from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.pipeline.theta import of_other_rigs
+from contact_curation.pipeline.theta import learned_before, of_held_out_tosses, of_other_rigs
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.version import __version__
@@ -188,7 +188,8 @@ def run(arguments: argparse.Namespace) -> int:
     with Progress("reading", "tosses") as bar:
         read = read_tosses(arguments.inputs, reading, advance=bar.advance, meant=ranked_from(arguments.manifest))
     tosses = learning_tosses(read, config.division)
-    tosses = replace(tosses, warnings=(*of_other_rigs([arguments.params], config.rig), *tosses.warnings))
+    of_start = (*of_other_rigs([arguments.params], config.rig), *of_held_out_tosses(arguments.params, tosses.held_out))
+    tosses = replace(tosses, warnings=(*of_start, *tosses.warnings))
     warn(tosses.warnings)
     running = _begun_or_resumed(arguments, config, tosses)
     metrics_path = _metrics_path(arguments)
@@ -264,6 +265,7 @@ def _configs(arguments: argparse.Namespace) -> "tuple[TrainConfig, ReadingConfig
         start=start_of(arguments.params, kind, body),
         seed=arguments.seed,
         rig=reading.inputs.rig,
+        learned_before=learned_before(arguments.params),
     )
     return config, reading
 
