@@ -30,7 +30,7 @@ from contact_curation.pipeline.design import BASELINES, EXPLORATION, METHODS, De
 from contact_curation.pipeline.division import ranked_from, ranked_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.theta import described_polytope, of_other_rigs, polytope_of
-from contact_curation.pipeline.tosses import Tosses, read_tosses
+from contact_curation.pipeline.tosses import Tosses, copies_among, read_tosses
 from contact_curation.solver.compiled import load_kernel
 from contact_curation.storage.export.selected import check_all_found, selected_rows
 from contact_curation.storage.manifest.file import read_manifest
@@ -184,11 +184,12 @@ def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple
     if not arguments.known:
         return (), ()
     tosses = _read(arguments.known, reading, arguments.manifest)
-    if arguments.manifest is None:
-        return tosses.in_order_of_ids, tosses.warnings
-    selected = selected_rows(read_manifest(arguments.manifest), arguments.manifest)
-    check_all_found(selected, tosses.by_id, arguments.manifest, tosses.warnings)
-    return tosses.only(selected).in_order_of_ids, (*tosses.warnings, *ranked_otherwise(arguments.manifest, tosses))
+    warnings = tosses.warnings
+    if arguments.manifest is not None:
+        selected = selected_rows(read_manifest(arguments.manifest), arguments.manifest)
+        check_all_found(selected, tosses.by_id, arguments.manifest, warnings)
+        tosses, warnings = tosses.only(selected), (*warnings, *ranked_otherwise(arguments.manifest, tosses))
+    return tosses.in_order_of_ids, (*warnings, *copies_among(tosses, tosses.body))
 
 
 def _read(paths: Sequence[Path], reading: ReadingConfig, manifest: Path | None = None) -> Tosses:

@@ -341,7 +341,7 @@ def train(
         bounce = running.bounce()
         missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
         others = (*of_other_rigs([start], found.config.inputs.rig), *of_held_out_tosses(start, learning.held_out))
-        return replace(running.model(), warnings=(*others, *found.warnings, *filter(None, (missing,)), *running.doubts()))
+        return replace(running.model(), warnings=(*others, *learning.warnings, *filter(None, (missing,)), *running.doubts()))
 
 
 @says_what_to_install

@@ -16,7 +16,7 @@ from contact_curation.errors import ContactCurationError, InvalidValueError, Unr
 from contact_curation.learning.evaluation.held_out import Duplicate, HeldOutRule, NumberedToss, possible_duplicates, split
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import Reading
-from contact_curation.pipeline.tosses import EachOnce, Tosses
+from contact_curation.pipeline.tosses import EachOnce, Tosses, copies_among
 from contact_curation.pipeline.wording import counted_tosses, listed
 from contact_curation.storage.export.selected import changed_inputs, ranked_recordings
 from contact_curation.storage.inputs.inputs import InputsConfig
@@ -242,7 +242,8 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
         [*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_duplicates
     )
     otherwise = ranked_otherwise(config.manifest, tosses) if config.manifest else []
-    lines = (*tosses.warnings, *_missing(pool, ids, config), *otherwise)
+    copies = (line for part in (parts.training, parts.held_out) for line in copies_among(part, tosses.body))
+    lines = (*tosses.warnings, *_missing(pool, ids, config), *otherwise, *copies)
     if not parts.training:
         why = f"none of {len(pool)}: {len(held_out)} are held out, {len(parts.duplicates)} are duplicates of those"
         raise InvalidValueError("tosses to learn from", why, "at least one: hold out fewer, or give more recordings")

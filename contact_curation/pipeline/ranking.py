@@ -15,7 +15,7 @@ from contact_curation.learning.evaluation.held_out import HeldOutRule
 from contact_curation.pipeline.pool import TossPool, pool_of_inputs
 from contact_curation.pipeline.ranked import RankedTosses
 from contact_curation.pipeline.recordings.index import RecordingIndex
-from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, copies_in_words, score_pool
+from contact_curation.pipeline.scoring import PoolConfig, ScoredPool, copies_scored, score_pool
 from contact_curation.pipeline.tosses import Tosses
 from contact_curation.pipeline.workers import Engine, LocalEngine, Progress, processes_for, silent
 from contact_curation.solver.compiled import load_kernel
@@ -103,7 +103,7 @@ def rank_tosses(
         reasons = pool.reasons(curation, config.ranking) if curation else {}
         if watcher and curation:
             watcher(pool, curation)
-    said = (*config.warnings, *pool.left_out, *scored.warnings, copies_in_words(scored.inputs))
+    said = (*config.warnings, *pool.left_out, *scored.warnings, copies_scored(scored.inputs))
     warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *(line for line in said if line))
     manifest = _manifest(config, scored, pool, curation)
     kept = source if isinstance(source, Tosses) else tuple(source)

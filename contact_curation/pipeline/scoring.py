@@ -30,8 +30,7 @@ from contact_curation.pipeline.division import HeldOutTosses, held_out_tosses
 from contact_curation.pipeline.reading import InputReader, Reading, ReadingConfig
 from contact_curation.pipeline.recordings.index import IndexedTosses, RecordingIndex, RecordingReader, Scores, digest_of_scores
 from contact_curation.pipeline.theta import NetworkTheta, Theta
-from contact_curation.pipeline.tosses import EachOnce, Recording
-from contact_curation.pipeline.wording import counted_tosses
+from contact_curation.pipeline.tosses import EachOnce, Recording, copies_in_words
 from contact_curation.pipeline.workers import Advance, Broken, Engine, unheard
 from contact_curation.storage.parameters_file import Parameters
 from contact_curation.storage.stores.factor_spool import FactorSpool
@@ -46,10 +45,6 @@ NOTHING_HELD_OUT = HeldOutRule()
 
 type Source = Path | Recording
 """A recording, to be read or already read."""
-
-
-SAME_PLACE = 7
-"""Digits of a mean position [characteristic lengths]: tosses of one length that agree in them are one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,20 +152,12 @@ class ScoredPool:
     warnings: tuple[str, ...] = ()
 
 
-def copies_in_words(inputs: Sequence[ScoredInput]) -> str:
-    """Which tosses are there again under another id, as of a recording with other stamps, and count twice; else empty."""
-    seen: dict[tuple[int, tuple[float, ...]], str] = {}
-    again: list[str] = []
-    for one in inputs:
-        for toss_id, scores in one.scores.items():
-            if isinstance(info := scores[0], TossInformation):
-                place = tuple(np.round(info.centroid, SAME_PLACE).tolist())
-                first = seen.setdefault((info.transitions, place), toss_id)
-                again += [f"{toss_id} of {first}"] * (first != toss_id)
-    if not again:
-        return ""
-    which = f"{counted_tosses(len(again))} {'is a copy' if len(again) == 1 else 'are copies'} under another id, {again[0]}"
-    return f"{which}{', ...' if len(again) > 1 else ''}: they count twice; give each recording once"
+def copies_scored(inputs: Sequence[ScoredInput]) -> str:
+    """Which scored tosses are there again under another id, in words; empty for none."""
+    scored = ((toss_id, scores[0]) for one in inputs for toss_id, scores in one.scores.items())
+    return copies_in_words(
+        (toss_id, info.transitions, info.centroid) for toss_id, info in scored if isinstance(info, TossInformation)
+    )
 
 
 def score_pool(

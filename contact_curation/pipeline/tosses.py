@@ -13,10 +13,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
+import numpy as np
+
 from contact_curation.contact.body import Body
 from contact_curation.errors import InvalidValueError
 from contact_curation.files import path_of
 from contact_curation.geometry.numbers import shortened
+from contact_curation.geometry.quaternions import Array
 from contact_curation.learning.evaluation.held_out import NumberedToss
 from contact_curation.motion.toss import Rejected, Toss
 from contact_curation.pipeline.carried_body import GivenBody, body_of
@@ -35,6 +38,10 @@ PATHS_EXPECTED = "paths of recordings, or what `read` gives; `Tosses.of(tosses, 
 
 CHECK_SAYS = "at least one; `contact-curation check` says what to do"
 """What is expected where recordings have no toss."""
+
+
+SAME_PLACE = 7
+"""Digits of a mean position [characteristic lengths]: tosses of one length that agree in them are one."""
 
 
 class Taken(NamedTuple):
@@ -278,6 +285,29 @@ def _counting(readings: Sequence[Reading], meant: Mapping[str, str]) -> Callable
         return digest == seen.origin.input_sha256 or digest not in there
 
     return counts
+
+
+def copies_in_words(places: Iterable[tuple[str, int, Array]]) -> str:
+    """Which tosses are there again under another id, as of a recording with other stamps, and count twice; else empty.
+
+    Args:
+        places: of each toss its id, its length [frames] and its mean position (3,) [characteristic lengths].
+    """
+    seen: dict[tuple[int, tuple[float, ...]], str] = {}
+    again: list[str] = []
+    for toss_id, frames, place in places:
+        first = seen.setdefault((frames, tuple(np.round(place, SAME_PLACE).tolist())), toss_id)
+        again += [f"{toss_id} of {first}"] * (first != toss_id)
+    if not again:
+        return ""
+    which = f"{counted_tosses(len(again))} {'is a copy' if len(again) == 1 else 'are copies'} under another id, {again[0]}"
+    return f"{which}{', ...' if len(again) > 1 else ''}: they count twice; give each recording once"
+
+
+def copies_among(tosses: Iterable[Toss], body: Body) -> tuple[str, ...]:
+    """A line where some of these tosses are copies of others, or none."""
+    line = copies_in_words((toss.toss_id, toss.frames, toss.positions.mean(axis=0) / body.length_scale) for toss in tosses)
+    return (line,) if line else ()
 
 
 def evaluation_tosses(name: str, paths: Sequence[Path], config: ReadingConfig) -> tuple[Toss, ...]:

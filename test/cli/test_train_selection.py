@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import contact_curation as cc
 from test.cli.commands import Cli
 from test.cli.trainings import SHORT, events
 from test.storage.datasets.test_tagslam_bag import save_contactnets, synthetic_toss
@@ -69,6 +70,23 @@ def test_of_tosses_with_one_id_the_ranked_one_is_learned_from_and_another_in_its
         line = f"{other / '17.pt'}: holds selected tosses, but its bytes are not those that were ranked"
         assert (line in done.err) == (name == "replaced")
     assert trained["alone"] == trained["behind"] != trained["replaced"]
+
+
+def test_tosses_that_are_there_again_under_another_id_are_said(cli: Cli, tmp_path: Path) -> None:
+    for number, height in ((16, 0.2), (17, 0.25), (18, 0.25)):
+        save_contactnets(tmp_path, number, synthetic_toss(height))
+    known, out = tmp_path / "m.safetensors", ("--out", tmp_path / "next.json")
+    verbs = (
+        ("train", tmp_path, "--held-out", "none", "--steps", 1, "--out", known),
+        ("evaluate", known, tmp_path),
+        ("design", "--known", tmp_path, "--exploration-throws", "--throws", 1, "--set", "design.pool=16", *out),
+    )
+    line = "1 toss is a copy under another id, 18 of 17: they count twice; give each recording once"
+    for words in verbs:
+        assert line in cli(*words).err
+    apart = cli("train", tmp_path, "--held-out", 17, "--steps", 1, "--out", tmp_path / "n.safetensors")
+    assert (apart.status, "count twice" in apart.err) == (0, False)
+    assert line in cc.train(tmp_path, steps=1).warnings
 
 
 def test_the_longest_are_the_baseline_of_any_model(cli: Cli, folder: Path, tmp_path: Path) -> None:
