@@ -63,7 +63,8 @@ class KnownTosses:
             return DuplicateCheck(seen.whole, _left_out(toss_id, worse.where, why))
         if seen.digest == first.digest:
             return DuplicateCheck(False, _left_out(toss_id, where, f"found the same one in {first.where}, expected each once"))
-        why = f"found another one of that id in {first.where}, expected ids that tell tosses apart: header stamps must differ"
+        told = "header stamps, or names of .pt files, must differ"
+        why = f"found another one of that id in {first.where}, expected ids that tell tosses apart: {told}"
         return DuplicateCheck(False, _left_out(toss_id, where, why))
 
 

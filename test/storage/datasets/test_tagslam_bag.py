@@ -160,6 +160,18 @@ def test_it_is_what_tagslam_would_have_recorded(folder: Path, tmp_path: Path) ->
     assert steps == {6_756_757, 1_000_000_000}, "the files' 1/148 s was a whole number of nanoseconds when they were made"
 
 
+def test_bags_of_other_files_have_other_ids(tmp_path: Path) -> None:
+    """Also where their tosses are as long, as those of two parts of a folder that are imported one by one."""
+    for number, height in ((0, 0.2), (1, 0.2001)):
+        save_contactnets(tmp_path, number, synthetic_toss(height))
+        import_contactnets(tmp_path, tmp_path / f"{number}.mcap", chosen={number}.__contains__)
+    first, second = (
+        {item.toss_id for item in open_inputs([tmp_path / f"{number}.mcap"], CONTACTNETS_CUBE) if isinstance(item, Toss)}
+        for number in (0, 1)
+    )
+    assert (len(first), len(second), first & second) == (1, 1, set())
+
+
 def test_the_same_files_give_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     import_contactnets(folder, tmp_path / "a.mcap")
     import_contactnets(folder, tmp_path / "b.mcap")

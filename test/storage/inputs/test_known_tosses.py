@@ -33,4 +33,7 @@ def test_among_equals_the_first_stays() -> None:
     assert same.left_out == LeftOut("cut.mcap", "toss 7 is left out: found the same one in cut.mcap, expected each once")
     assert other.left_out is not None
     assert other.left_out.where == "later.mcap"
-    assert "found another one of that id in cut.mcap, expected ids that tell tosses apart" in other.left_out.why
+    assert (
+        "found another one of that id in cut.mcap, expected ids that tell tosses apart: header stamps, or names of .pt"
+        in other.left_out.why
+    )
