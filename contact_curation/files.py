@@ -230,20 +230,18 @@ def staged_folder(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def scratch_folder(path: Path) -> Iterator[Path]:
+def scratch_folder(path: Path, mode: int = 0o777) -> Iterator[Path]:
     """A hidden folder beside `path`, for files that then take their names; it is removed when the block ends.
+
+    Args:
+        path: of what is written.
+        mode: who may use the folder, before the umask.
 
     Raises:
         UnwritableOutputError: it cannot be made there.
     """
-    with _scratch(path, _new_folder) as folder:
-        yield folder
-
-
-@contextmanager
-def _scratch(path: Path, make: Callable[[Path], int]) -> Iterator[Path]:
     with writing(path):
-        lock, folder = _partial(path.absolute(), make)
+        lock, folder = _partial(path.absolute(), lambda folder: _new_folder(folder, mode))
     try:
         yield folder
     finally:
@@ -265,7 +263,7 @@ def temporary_folder(kind: str) -> Iterator[Path]:
         UnwritableOutputError: it cannot be made.
     """
     path = Path(gettempdir()) / f"contact-curation-{kind}"
-    with _scratch(path, _new_private_folder) as folder:
+    with scratch_folder(path, mode=0o700) as folder:
         yield folder
 
 
@@ -349,10 +347,6 @@ def _new_file(path: Path) -> int:
 def _new_folder(path: Path, mode: int = 0o777) -> int:
     path.mkdir(mode)
     return os.open(path, os.O_RDONLY)
-
-
-def _new_private_folder(path: Path) -> int:
-    return _new_folder(path, mode=0o700)
 
 
 def _remove_unlocked(left: Path) -> None:

@@ -71,8 +71,8 @@ def test_a_folder_that_another_process_takes_for_one_left_behind_is_not_used(
 ) -> None:
     made: list[Path] = []
 
-    def make(path: Path) -> int:
-        path.mkdir()
+    def make(path: Path, mode: int) -> int:
+        path.mkdir(mode)
         made.append(path)
         if len(made) == 1:  # the other one has looked at it before it was locked, and removes it soon
             assert files.lock(os.open(path, os.O_RDONLY))

@@ -27,13 +27,14 @@ from contact_curation.design.planner import DesignConfig
 from contact_curation.errors import InvalidValueError
 from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.design import BASELINES, EXPLORATION, METHODS, DesignTask, design_throws
-from contact_curation.pipeline.division import ranked_from, ranked_otherwise
+from contact_curation.pipeline.division import ranked_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.theta import described_polytope, of_other_rigs, polytope_of
 from contact_curation.pipeline.tosses import Tosses, copies_among, read_tosses
 from contact_curation.solver.compiled import load_kernel
-from contact_curation.storage.export.selected import check_all_found, selected_rows
+from contact_curation.storage.export.selected import check_all_found, ranked_recordings, selected_rows
 from contact_curation.storage.manifest.file import read_manifest
+from contact_curation.storage.manifest.manifest import Manifest
 
 CANDIDATES = ("forecast", "safety", "noise", "placement")
 STAGES = ("design", *CANDIDATES, "refinement", "loss", *SHARED_STAGES)
@@ -183,16 +184,18 @@ def _known(arguments: argparse.Namespace, reading: ReadingConfig) -> tuple[tuple
         )
     if not arguments.known:
         return (), ()
-    tosses = _read(arguments.known, reading, arguments.manifest)
+    manifest = read_manifest(arguments.manifest) if arguments.manifest else None
+    tosses = _read(arguments.known, reading, manifest)
     warnings = tosses.warnings
-    if arguments.manifest is not None:
-        selected = selected_rows(read_manifest(arguments.manifest), arguments.manifest)
+    if manifest is not None:
+        selected = selected_rows(manifest, arguments.manifest)
         check_all_found(selected, tosses.by_id, arguments.manifest, warnings)
-        tosses, warnings = tosses.only(selected), (*warnings, *ranked_otherwise(arguments.manifest, tosses))
+        tosses, warnings = tosses.only(selected), (*warnings, *ranked_otherwise(manifest, arguments.manifest, tosses))
     return tosses.in_order_of_ids, (*warnings, *copies_among(tosses, tosses.body))
 
 
-def _read(paths: Sequence[Path], reading: ReadingConfig, manifest: Path | None = None) -> Tosses:
+def _read(paths: Sequence[Path], reading: ReadingConfig, manifest: Manifest | None = None) -> Tosses:
     """The tosses of recordings; those that a manifest names from the recordings that it was made from."""
+    meant = ranked_recordings(manifest.rows) if manifest else {}
     with Progress("reading", "tosses") as progress:
-        return read_tosses(paths, reading, advance=progress.advance, meant=ranked_from(manifest)).check_some("no toss")
+        return read_tosses(paths, reading, advance=progress.advance, meant=meant).check_some("no toss")

@@ -20,15 +20,12 @@ from contact_curation.contact.body import Body
 from contact_curation.design.execution_noise import DEFAULT_NOISE, ExecutionNoise
 from contact_curation.design.throw import Throw
 from contact_curation.errors import InvalidValueError, UnreadableInputError
-from contact_curation.motion.toss import NANOSECONDS, Toss
+from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.wording import counted
 from contact_curation.simulation.thrown_toss import DEFAULT_THROWN, ThrownTossConfig, executed_throw, thrown_toss
 from contact_curation.simulation.world import WorldConfig
 
 STAGES = ("simulation", "noise")
-
-EARLIEST, MADE_UP = 1_600_000_000, 65_536 * 3600
-"""Earliest made-up time [s since 1970], and the seconds from there to the latest one, in the year 2028."""
 
 
 def add_options(parser: OneLineParser) -> None:
@@ -68,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     from contact_curation.motion.segmenter_config import SegmenterConfig
     from contact_curation.storage.bags.writer import BagWriter
-    from contact_curation.storage.datasets.tagslam_bag import TagslamRig, record
+    from contact_curation.storage.datasets.tagslam_bag import TagslamRig, made_up_time, record
     from contact_curation.storage.throws_file import read_throws
 
     check_outputs(overwrite=arguments.overwrite, out=arguments.out)
@@ -78,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
         if throw.body != thrower.body.name:
             raise InvalidValueError(f"body of throw {throw.throw_id}", throw.body, f"{thrower.body.name}; see --body")
     rules = SegmenterConfig(frame_period=thrower.config.frame_period)
-    rig = TagslamRig(rules=rules, epoch_ns=_made_up_time(thrower.body, throws, arguments))
+    rig = TagslamRig(rules=rules, epoch_ns=made_up_time(_digest(thrower.body, throws, arguments)))
     with Progress("throwing", "throws", len(throws)) as progress, BagWriter(arguments.out) as bag:
         count, frames = record(bag, thrower.body, thrower.tosses(throws, progress.advance), rig)
         if not count:
@@ -93,12 +90,11 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _made_up_time(body: Body, throws: Sequence[Throw], arguments: argparse.Namespace) -> int:
-    """The time at which the bag begins [ns]; it follows from body and throws, so that other tosses get other ids."""
+def _digest(body: Body, throws: Sequence[Throw], arguments: argparse.Namespace) -> bytes:
+    """Of all that the tosses of the bag follow from."""
     thrown = [body.to_mapping(), [throw.to_mapping() for throw in throws]]
     said = [*thrown, arguments.execution_noise, arguments.seed, arguments.settings]
-    digest = hashlib.sha256(json.dumps(said, default=str).encode()).digest()
-    return EARLIEST * NANOSECONDS + int.from_bytes(digest) % (MADE_UP * NANOSECONDS)
+    return hashlib.sha256(json.dumps(said, default=str).encode()).digest()
 
 
 class _Thrower:

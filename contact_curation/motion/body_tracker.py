@@ -329,7 +329,8 @@ class BodyTracker:
         """Whether a recording's poses wait longer than live ones would, for transforms that were logged late."""
         if not self.config.recorded or not self._waits_long or len(self._waiting) > MOST_UNPLACED:
             return False
-        return self._known_ns(self._waiting[0])[1] <= self._waiting[0].stamp_ns + self.config.largest_rig_gap * NANOSECONDS
+        _, last_ns = self._known_ns(self._waiting[0])
+        return last_ns <= self._waiting[0].stamp_ns + self.config.largest_rig_gap * NANOSECONDS
 
     def _known_ns(self, measured: FramePose) -> tuple[float, float]:
         """From when to when all transforms between a measurement and the board are known."""

@@ -35,8 +35,8 @@ from contact_curation.pipeline.theta import (
     described_polytope,
     form_of,
     learned_before,
-    of_held_out_tosses,
     of_other_rigs,
+    of_start,
     theta_of,
 )
 from contact_curation.pipeline.toss_scores import TossScores, toss_scores
@@ -340,7 +340,7 @@ def train(
         running.check()
         bounce = running.bounce()
         missing = bounce.in_words("restitution=True") if bounce and bounce.missing else running.sticking()
-        others = (*of_other_rigs([start], found.config.inputs.rig), *of_held_out_tosses(start, learning.held_out))
+        others = of_start(start, found.config.inputs.rig, learning.held_out)
         return replace(running.model(), warnings=(*others, *learning.warnings, *filter(None, (missing,)), *running.doubts()))
 
 

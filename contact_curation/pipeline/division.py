@@ -18,7 +18,7 @@ from contact_curation.motion.toss import Toss
 from contact_curation.pipeline.reading import Reading
 from contact_curation.pipeline.tosses import EachOnce, Tosses, copies_among
 from contact_curation.pipeline.wording import counted_tosses, listed
-from contact_curation.storage.export.selected import changed_inputs, ranked_recordings
+from contact_curation.storage.export.selected import changed_inputs
 from contact_curation.storage.inputs.inputs import InputsConfig
 from contact_curation.storage.manifest.file import FORMATS, read_manifest
 from contact_curation.storage.manifest.manifest import Manifest
@@ -94,11 +94,6 @@ class OtherRecordingsError(ContactCurationError):
 
 def _names(paths: Sequence[str]) -> list[str]:
     return [Path(path).name for path in paths if path]
-
-
-def ranked_from(manifest: Path | None) -> dict[str, str]:
-    """By id the digest of the recording that a toss of a manifest was ranked from, for `read_tosses`; none without one."""
-    return ranked_recordings(read_manifest(manifest).rows) if manifest else {}
 
 
 def selected_ids(manifest: Path) -> tuple[str, ...]:
@@ -199,21 +194,20 @@ class LearningTosses:
     warnings: tuple[str, ...]
 
 
-def ranked_otherwise(manifest: Path, tosses: Tosses) -> list[str]:
-    """A line for each recording with selected tosses of a manifest that has other bytes now, and where settings are others."""
-    content = read_manifest(manifest)
-    found = [(row, tosses.taken[row.toss_id].seen.origin) for row in content.selected if row.toss_id in tosses.taken]
-    return [*changed_inputs(found), *read_otherwise(content, manifest, tosses.config.inputs)]
-
-
-def read_otherwise(manifest: Manifest, name: object, inputs: InputsConfig) -> list[str]:
-    """A line where tosses are read with another rig calibration or segmentation than they were ranked with, or none.
+def ranked_otherwise(manifest: Manifest, name: object, tosses: Tosses) -> list[str]:
+    """A line for each recording with selected tosses that has other bytes than the ranked one, and one for other settings.
 
     Args:
         manifest: of the ranking.
         name: of the manifest, for the line.
-        inputs: how its tosses are read now.
+        tosses: read now.
     """
+    found = [(row, tosses.taken[row.toss_id].seen.origin) for row in manifest.selected if row.toss_id in tosses.taken]
+    return [*changed_inputs(found), *_read_otherwise(manifest, name, tosses.config.inputs)]
+
+
+def _read_otherwise(manifest: Manifest, name: object, inputs: InputsConfig) -> list[str]:
+    """A line where tosses are read with another rig calibration or segmentation than they were ranked with, or none."""
     ranked, now = (
         " ".join(f"--set {setting}" for setting in settings if setting.startswith(OF_TOSSES)) or "no such setting"
         for settings in (manifest.run.settings, changed_fields(inputs, InputsConfig()))
@@ -241,7 +235,7 @@ def learning_tosses(tosses: Tosses, config: DivisionConfig) -> LearningTosses:
     parts = split(
         [*held_out, *(one for one in others if one.toss.toss_id not in ids)], HeldOutRule(ids=ids), config.with_duplicates
     )
-    otherwise = ranked_otherwise(config.manifest, tosses) if config.manifest else []
+    otherwise = ranked_otherwise(read_manifest(config.manifest), config.manifest, tosses) if config.manifest else []
     copies = (line for part in (parts.training, parts.held_out) for line in copies_among(part, tosses.body))
     lines = (*tosses.warnings, *_missing(pool, ids, config), *otherwise, *copies)
     if not parts.training:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from contact_curation.errors import ChangedTossError, ContactCurationError, InvalidValueError, UnwritableOutputError
 from contact_curation.motion.calibration import NO_CORRECTION
-from contact_curation.pipeline.division import read_otherwise
+from contact_curation.pipeline.division import ranked_otherwise
 from contact_curation.pipeline.reading import ReadingConfig
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.pipeline.workers import Advance, unheard
@@ -143,9 +143,7 @@ def found_tosses(job: ExportJob, inputs: InputsConfig, advance: Advance = unhear
     outcomes = {**read.by_id, **{one.toss.toss_id: one.toss for one in read.rejected}}
     check_all_found(job.rows, outcomes, job.manifest_path, read.warnings)
     tosses = tuple(SelectedToss(outcomes[toss_id], row, read.taken[toss_id].seen.origin) for toss_id, row in job.rows.items())
-    changed = changed_inputs((one.row, one.origin) for one in tosses)
-    otherwise = read_otherwise(job.manifest, job.manifest_path, job.reading.inputs)
-    return SelectedTosses(tosses, (*read.warnings, *changed, *otherwise))
+    return SelectedTosses(tosses, (*read.warnings, *ranked_otherwise(job.manifest, job.manifest_path, read)))
 
 
 def _exported_bags(job: ExportJob, folder: Path, advance: Advance) -> tuple[list[BagExport], list[str]]:

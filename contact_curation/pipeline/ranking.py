@@ -103,8 +103,8 @@ def rank_tosses(
         reasons = pool.reasons(curation, config.ranking) if curation else {}
         if watcher and curation:
             watcher(pool, curation)
-    said = (*config.warnings, *pool.left_out, *scored.warnings, copies_scored(scored.inputs))
-    warnings = (*(line for one in scored.inputs for line in one.reading.warnings), *(line for line in said if line))
+    read = (line for one in scored.inputs for line in one.reading.warnings)
+    warnings = (*read, *config.warnings, *pool.left_out, *scored.warnings, *copies_scored(scored.inputs))
     manifest = _manifest(config, scored, pool, curation)
     kept = source if isinstance(source, Tosses) else tuple(source)
     return RankedTosses(manifest, curation, pool, warnings, kept, config.pool.reading, reasons)

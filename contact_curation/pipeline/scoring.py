@@ -152,8 +152,8 @@ class ScoredPool:
     warnings: tuple[str, ...] = ()
 
 
-def copies_scored(inputs: Sequence[ScoredInput]) -> str:
-    """Which scored tosses are there again under another id, in words; empty for none."""
+def copies_scored(inputs: Sequence[ScoredInput]) -> tuple[str, ...]:
+    """A line where some scored tosses are copies of others, or none."""
     scored = ((toss_id, scores[0]) for one in inputs for toss_id, scores in one.scores.items())
     return copies_in_words(
         (toss_id, info.transitions, info.centroid) for toss_id, info in scored if isinstance(info, TossInformation)

@@ -130,11 +130,18 @@ def learned_before(start: "GivenModel | None") -> frozenset[str]:
     return model.learned_from if model else frozenset()
 
 
-def of_held_out_tosses(start: "GivenModel | None", held_out: Sequence[Toss]) -> tuple[str, ...]:
-    """A line where a model to start from learned from tosses that are held out of the training, or none."""
-    model = _learned(start)
-    count = len({toss.toss_id for toss in held_out} & model.learned_from) if model else 0
-    return (f"{model.name}: it learned from {count} of the {len(held_out)} held-out tosses",) if model and count else ()
+def of_start(start: "GivenModel | None", rig: RigCalibration, held_out: Sequence[Toss]) -> tuple[str, ...]:
+    """What speaks against a model to start from: tosses of another calibration, or some that are held out of the training.
+
+    Args:
+        start: model or its file, or None.
+        rig: how the tosses here are calibrated.
+        held_out: from which nothing is to be learned.
+    """
+    model, lines = _learned(start), list(of_other_rigs([start], rig))
+    if model and (count := len({toss.toss_id for toss in held_out} & model.learned_from)):
+        lines.append(f"{model.name}: it learned from {count} of the {len(held_out)} held-out tosses")
+    return tuple(lines)
 
 
 def _learned(model: "GivenModel | None") -> "LearnedModel | None":

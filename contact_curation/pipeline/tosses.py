@@ -287,8 +287,8 @@ def _counting(readings: Sequence[Reading], meant: Mapping[str, str]) -> Callable
     return counts
 
 
-def copies_in_words(places: Iterable[tuple[str, int, Array]]) -> str:
-    """Which tosses are there again under another id, as of a recording with other stamps, and count twice; else empty.
+def copies_in_words(places: Iterable[tuple[str, int, Array]]) -> tuple[str, ...]:
+    """A line on tosses that are there again under another id, as of a recording with other stamps, and count twice, or none.
 
     Args:
         places: of each toss its id, its length [frames] and its mean position (3,) [characteristic lengths].
@@ -299,15 +299,14 @@ def copies_in_words(places: Iterable[tuple[str, int, Array]]) -> str:
         first = seen.setdefault((frames, tuple(np.round(place, SAME_PLACE).tolist())), toss_id)
         again += [f"{toss_id} of {first}"] * (first != toss_id)
     if not again:
-        return ""
+        return ()
     which = f"{counted_tosses(len(again))} {'is a copy' if len(again) == 1 else 'are copies'} under another id, {again[0]}"
-    return f"{which}{', ...' if len(again) > 1 else ''}: they count twice; give each recording once"
+    return (f"{which}{', ...' if len(again) > 1 else ''}: they count twice; give each recording once",)
 
 
 def copies_among(tosses: Iterable[Toss], body: Body) -> tuple[str, ...]:
     """A line where some of these tosses are copies of others, or none."""
-    line = copies_in_words((toss.toss_id, toss.frames, toss.positions.mean(axis=0) / body.length_scale) for toss in tosses)
-    return (line,) if line else ()
+    return copies_in_words((toss.toss_id, toss.frames, toss.positions.mean(axis=0) / body.length_scale) for toss in tosses)
 
 
 def evaluation_tosses(name: str, paths: Sequence[Path], config: ReadingConfig) -> tuple[Toss, ...]:

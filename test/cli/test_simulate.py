@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contact_curation.cli.simulate import _made_up_time
+from contact_curation.cli.simulate import _digest
 from contact_curation.contact.body import CONTACTNETS_CUBE
 from contact_curation.design.releases import published_releases
 from contact_curation.design.throw import throw_of_state
+from contact_curation.storage.datasets.tagslam_bag import made_up_time
 from contact_curation.storage.throws_file import write_throws
 from test.cli.commands import Cli
 
@@ -112,4 +113,4 @@ def test_thousands_of_bags_have_tosses_of_other_ids() -> None:
         for body in (CONTACTNETS_CUBE, slippery)
         for seed in range(2000)
     ]
-    assert len({_made_up_time(body, throws, arguments) for body, arguments in said}) == len(said)
+    assert len({made_up_time(_digest(body, throws, arguments)) for body, arguments in said}) == len(said)

@@ -32,18 +32,13 @@ from contact_curation.information.criteria.orthogonal import VARIANTS
 from contact_curation.information.ranker import RankingConfig, criterion_names
 from contact_curation.information.scoring import ScoringConfig
 from contact_curation.learning.evaluation.held_out import HeldOutRule
-from contact_curation.pipeline.division import (
-    DivisionConfig,
-    LearningTosses,
-    held_out_rule,
-    learning_tosses,
-    ranked_from,
-    selected_ids,
-)
+from contact_curation.pipeline.division import DivisionConfig, LearningTosses, held_out_rule, learning_tosses, selected_ids
 from contact_curation.pipeline.reading import ReadingConfig
-from contact_curation.pipeline.theta import learned_before, of_held_out_tosses, of_other_rigs
+from contact_curation.pipeline.theta import learned_before, of_start
 from contact_curation.pipeline.tosses import read_tosses
 from contact_curation.solver.compiled import load_kernel
+from contact_curation.storage.export.selected import ranked_recordings
+from contact_curation.storage.manifest.file import read_manifest
 from contact_curation.version import __version__
 
 if TYPE_CHECKING:
@@ -185,11 +180,11 @@ def run(arguments: argparse.Namespace) -> int:
     _check_out(arguments)
     load_kernel()  # an error should come before tosses are read
     config, reading = _configs(arguments)
+    meant = ranked_recordings(read_manifest(arguments.manifest).rows) if arguments.manifest else {}
     with Progress("reading", "tosses") as bar:
-        read = read_tosses(arguments.inputs, reading, advance=bar.advance, meant=ranked_from(arguments.manifest))
+        read = read_tosses(arguments.inputs, reading, advance=bar.advance, meant=meant)
     tosses = learning_tosses(read, config.division)
-    of_start = (*of_other_rigs([arguments.params], config.rig), *of_held_out_tosses(arguments.params, tosses.held_out))
-    tosses = replace(tosses, warnings=(*of_start, *tosses.warnings))
+    tosses = replace(tosses, warnings=(*of_start(arguments.params, config.rig, tosses.held_out), *tosses.warnings))
     warn(tosses.warnings)
     running = _begun_or_resumed(arguments, config, tosses)
     metrics_path = _metrics_path(arguments)

@@ -47,8 +47,8 @@ SLANTED = ScalarPose((0.42, -0.31, 0.27), TURNED)
 """Pose of the board in the map: an arbitrary place, and tilted."""
 
 
-EARLIEST_NS, MADE_UP_NS = 1_600_000_000 * NANOSECONDS, 500_000_000 * NANOSECONDS
-"""Made-up times begin on 13 September 2020, 12:26:40 UTC, and go on for 16 years."""
+EARLIEST_NS, MADE_UP_NS = 1_600_000_000 * NANOSECONDS, 65_536 * 3600 * NANOSECONDS
+"""Earliest made-up time [ns since 1970], and from there to the latest one, in the year 2028."""
 
 
 @dataclass(frozen=True)
@@ -147,16 +147,20 @@ def import_contactnets(
             advance(done / len(files))
 
     with BagWriter(out) as bag:
-        tosses, frames = record(bag, body, sound(), rig or TagslamRig(epoch_ns=_made_up_time(files[0])))
+        tosses, frames = record(bag, body, sound(), rig or TagslamRig(epoch_ns=_time_of(files[0])))
         if not tosses:
             raise UnreadableInputError(source, f"found {len(skipped)} files and no toss, e.g. {skipped[0]}")
     return ImportReport(tosses, frames, steps, timed, tuple(inexact), tuple(skipped))
 
 
-def _made_up_time(first: Path) -> int:
-    """A time from 2020 to 2036 [ns] that follows from the bytes of a file."""
+def made_up_time(digest: bytes) -> int:
+    """A time at which a bag begins [ns] that follows from a digest of what is in it, so that other tosses get other ids."""
+    return EARLIEST_NS + int.from_bytes(digest) % MADE_UP_NS
+
+
+def _time_of(first: Path) -> int:
     try:
-        return EARLIEST_NS + int(file_sha256(first), 16) % MADE_UP_NS
+        return made_up_time(bytes.fromhex(file_sha256(first)))
     except OSError:  # whoever reads it says so
         return EARLIEST_NS
 
