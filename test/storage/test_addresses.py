@@ -108,7 +108,9 @@ def test_what_was_added_replaced_or_removed_since_the_last_call_is_seen(server: 
     session.write_bytes(session.read_bytes()[:-1])
     server.put(session, "grown/a.mcap")
     server.put(session, "grown/b.mcap")
-    (alone,), after = input_paths(first), input_paths("s3://lab/grown/*.mcap")
+    (alone,) = input_paths(first)
+    assert alone.stat().st_size == session.stat().st_size
+    after = input_paths("s3://lab/grown/*.mcap")
     assert [one.name for one in after] == ["a.mcap", "b.mcap"]
     assert {file_sha256(one) for one in (alone, *after)} == {file_sha256(alone)} != {file_sha256(before)}
 
