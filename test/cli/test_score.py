@@ -132,6 +132,7 @@ def test_what_was_not_solved_is_written_with_its_status_and_counted(
     assert f"not solved: {missed} transitions" in cli("score", golden, *options).out
 
 
+@pytest.mark.slow
 def test_real_tosses_have_the_loss_and_the_ids_of_the_public_data(
     cli: Cli, contactnets_folder: Path, true_parameters: Path, tmp_path: Path
 ) -> None:
@@ -147,6 +148,7 @@ def test_real_tosses_have_the_loss_and_the_ids_of_the_public_data(
     assert np.mean(means) == pytest.approx(0.0191, abs=0.0003)  # method.md 1.13
 
 
+@pytest.mark.slow
 def test_where_nothing_can_be_scored_it_says_what_check_says(cli: Cli, true_parameters: Path, tmp_path: Path) -> None:
     bag = tmp_path / "low.mcap"
     write(bag, raised(-0.06)(simulated_session(tosses=9), np.random.default_rng(0)))

@@ -111,6 +111,7 @@ def test_what_was_selected_is_told(cli: Cli, folder: Path, tmp_path: Path) -> No
     assert all(len(one["toss_ids"]) == 2 and set(one["toss_ids"]) <= set("01234") for one in told)
 
 
+@pytest.mark.slow
 def test_an_exact_training_selects_again_at_its_optimum_and_learns_from_the_last_set_alone(
     cli: Cli, folder: Path, tmp_path: Path
 ) -> None:

@@ -27,6 +27,7 @@ def kept(row: Row) -> set[str]:
     return set(str(row["selected"]).split())
 
 
+@pytest.mark.slow
 def test_redrawn_tosses_are_others_at_every_look_of_the_same_size_and_follow_from_the_seed() -> None:
     row = budgeted("random-redrawn", 110)
     assert row == budgeted("random-redrawn", 110)

@@ -101,6 +101,7 @@ def test_ranking_a_polytope_imports_no_torch(golden_bag: Path) -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_without_torch_every_name_and_function_says_what_to_install(bench: Path, model: cc.LearnedModel) -> None:
     """In a process of its own, whose finder of modules finds no torch."""
     model.save(bench / "of_torch.safetensors")
@@ -198,6 +199,7 @@ class Counts:
         self.done += count
 
 
+@pytest.mark.slow
 def test_design_of_a_given_body_warns_of_nothing_and_shows_its_progress(body: cc.Body) -> None:
     progress = Counts()
     assert cc.design(throws=1, method="prior", body=body, progress=progress).warnings == ()

@@ -97,6 +97,7 @@ def test_a_body_that_is_given_and_has_the_same_numbers_wins_by_its_name(tmp_path
     assert found.body.name == "other"
 
 
+@pytest.mark.slow
 def test_simulate_takes_the_body_from_the_throws_and_design_from_the_checkpoint(cli: Cli, tmp_path: Path) -> None:
     level = replace(BRICK, center_of_mass=np.zeros(3))
     designed = cli(

@@ -152,6 +152,7 @@ def test_information_adds(real_transitions: Transitions, estimator: Estimator) -
     np.testing.assert_allclose(parts, [traces[:200].sum(), traces[200:].sum()], rtol=1e-12)
 
 
+@pytest.mark.slow
 @ESTIMATORS
 def test_flight_teaches_nothing(real_transitions: Transitions, estimator: Estimator) -> None:
     """method.md 6.7: transitions with every corner over 5 mm up before and after."""
@@ -249,6 +250,7 @@ def test_greedy_gains_on_real_tosses_only_fall(profile_infos: list[TossInformati
     assert (np.diff(gains) <= 1e-9).all()
 
 
+@pytest.mark.slow
 def test_new_units_change_the_order_of_the_trace_but_not_of_log_det_and_leverage(profile_infos: list[TossInformation]) -> None:
     """method.md 6.17: theta -> S theta with S from 1e-3 to 1e3, all about one pivot."""
     scale = 10.0 ** np.random.default_rng(8).uniform(-3.0, 3.0, profile_infos[0].parameters)

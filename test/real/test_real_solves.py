@@ -57,6 +57,7 @@ def test_transitions_that_no_body_could_make_are_solved_too(
         assert evaluate(geometry, CUBE, rows.before, after, rows.dt, LossConfig(cone=cone)).solved.all()
 
 
+@pytest.mark.slow
 def test_the_mean_loss_at_the_true_parameters_is_on_record(real_transitions: Transitions) -> None:
     rows = real_transitions
     found = evaluate(TRUE, CUBE, rows.before, rows.after, rows.dt)

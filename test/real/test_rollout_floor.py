@@ -48,6 +48,7 @@ def test_the_true_cube_reaches_the_physical_floor(measured: tuple[Array, ...]) -
     assert np.mean(rolled.status == StepStatus.CONVERGED) > 0.999
 
 
+@pytest.mark.slow
 def test_position_error_is_least_at_the_true_friction(measured: tuple[Array, ...]) -> None:
     sweep = [0.10, 0.15, 0.18, 0.22, 0.30]
     position = [errors_of(replayed(measured, friction).states, measured).position.mean() for friction in sweep]

@@ -64,6 +64,7 @@ def test_rank_knows_it_and_the_manifest_names_it(scratch: Path, golden: Path, tm
     assert out.with_suffix(".png").exists()
 
 
+@pytest.mark.slow
 def test_its_own_test_and_those_of_every_criterion_pass(scratch: Path) -> None:
     tests = [steps()[2][0], "test/information/criteria/test_registry.py"]
     said = run(scratch, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", "smallest", *tests)

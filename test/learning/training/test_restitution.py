@@ -72,6 +72,7 @@ def test_of_few_motions_it_is_learned_with_everything_else(bounced: Transitions)
     assert learned == pytest.approx(E, abs=0.1)
 
 
+@pytest.mark.slow
 def test_what_first_impacts_show_is_its_prior(bounced: Transitions, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exact_fit, "restitution_by_motions", lambda model, *_: restitution(model))
     monkeypatch.setattr(exact_fit, "rebound_of", lambda *_: Rebound(0.6, 1e-4))

@@ -48,6 +48,7 @@ def test_tosses_that_bounce_give_the_word_and_what_to_do() -> None:
     assert bounce.in_words().endswith("from 16 of them); learn it, too: train --set training.restitution=true")
 
 
+@pytest.mark.slow
 def test_tosses_that_do_not_bounce_give_none() -> None:
     bounce = found(thrown(0.0, 4, 1))
     assert bounce is not None

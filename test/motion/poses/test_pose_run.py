@@ -101,6 +101,7 @@ def streams(draw: st.DrawFn) -> list[FramePose]:
     return poses
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(streams(), st.lists(st.integers(0, 10_000), max_size=6), st.sampled_from(CONFIGS), st.integers(0, 40))
 def test_faulty_streams_cut_anywhere(poses: list[FramePose], cuts: list[int], config: IngestConfig, known: int) -> None:

@@ -75,6 +75,7 @@ def written(
     return path
 
 
+@pytest.mark.slow
 def test_transforms_do_not_count_as_messages_of_the_body(session: Session, tmp_path: Path) -> None:
     """A robot sends more of them than a tracker sends poses, and tosses are what is looked at."""
     bag = written(tmp_path / "a.mcap", session)
@@ -109,6 +110,7 @@ def test_transforms_that_are_out_of_step_are_named_and_no_wrong_body(lead: float
     assert not any("transforms" in line for line in (mended.verdict, *mended.reasons)), mended
 
 
+@pytest.mark.slow
 def test_of_two_cameras_that_arms_move_the_one_with_late_transforms_is_named(session: Session, tmp_path: Path) -> None:
     config = ReadingConfig(CONTACTNETS_CUBE)
     sound, late = (
@@ -125,12 +127,14 @@ def test_of_two_cameras_that_arms_move_the_one_with_late_transforms_is_named(ses
     assert not said.settings, "it would move those of the sound camera, too"
 
 
+@pytest.mark.slow
 def test_noisy_transforms_are_named_and_no_filter_behind_the_tracker(session: Session, tmp_path: Path) -> None:
     found = diagnosed(tmp_path / "a.mcap", session, noise=4e-4)
     assert "mm in 'camera': the transforms between it and the board are noisy" in found.verdict
     assert not any("smoothed" in line for line in found.reasons), found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.0, 0.03, 0.1])
 def test_of_a_sound_camera_on_an_arm_nothing_is_said(size: float, session: Session, tmp_path: Path) -> None:
     found = diagnosed(tmp_path / "a.mcap", session, lambda seconds: camera(seconds, size), noise=1e-5)
@@ -159,6 +163,7 @@ def chosen(frame: int) -> str:
     return "ab"[int(np.random.default_rng(frame).integers(2))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sees", [chosen, lambda frame: "ab"[frame // 40 % 2]])
 def test_cameras_that_disagree_are_named_and_no_noise(sees: Callable[[int], str], session: Session, tmp_path: Path) -> None:
     found = by_two(tmp_path / "a.mcap", session, sees, apart=3e-3)

@@ -148,6 +148,7 @@ def test_two_cameras_that_see_by_turns_are_named_and_falls_are_seen(
     assert re.search(r"[56] throws at 9\.[5-9]", str(found))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("flipped", "said"), [(1, False), (2, True)])
 def test_a_third_of_the_motions_that_flip_have_a_hint(flipped: int, said: bool, session: Session, tmp_path: Path) -> None:
     def change(made: Session, rng: np.random.Generator) -> Session:

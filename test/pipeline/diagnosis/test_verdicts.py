@@ -110,6 +110,7 @@ def test_a_tracker_that_sees_positions_alone_is_named(session: Session, tmp_path
     assert diagnosed(tmp_path / "a.mcap", BY_NAME["sound"]).verdict.startswith("orientations never change in ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["10 mm low", "tilted 2 degrees", "lengths 5 % short", "marker aside", "marker askew"])
 def test_its_settings_mend_what_they_can(cli: Cli, session: Session, tmp_path: Path, name: str) -> None:
     bag = spoilt_bag(tmp_path / "a.mcap", BY_NAME[name], simulated_session() if name.startswith("marker") else session)

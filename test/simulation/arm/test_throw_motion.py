@@ -43,6 +43,7 @@ def check_execution(executed: ExecutedThrow) -> None:
     assert peaks.position.max() < 1.0
 
 
+@pytest.mark.slow
 def test_random_throws_are_made_as_commanded_within_all_limits(planner: ThrowPlanner) -> None:
     thrower, made = ArmThrower(planner), 0
     for throw in random_throws(3, seed=3):
@@ -103,6 +104,7 @@ def test_a_body_that_would_bounce_into_the_arm_is_held_or_thrown_another_way_or_
         assert motion.found < motion.allowed
 
 
+@pytest.mark.slow
 def test_an_arm_that_meets_the_body_gives_way_and_ends_at_home_and_without_the_reflex_it_would_push(
     planner: ThrowPlanner,
 ) -> None:
@@ -119,6 +121,7 @@ def test_an_arm_that_meets_the_body_gives_way_and_ends_at_home_and_without_the_r
     assert largest > 0.99
 
 
+@pytest.mark.slow
 def test_an_arm_that_gives_way_can_be_stopped_and_goes_home_when_it_is_armed_again(planner: ThrowPlanner) -> None:
     motion = ThrowPlanner(planner.body, departure=DepartureConfig(at_first=-1.0, opening=0.0)).plan(BOUNCING_BACK)
     assert isinstance(motion, ThrowMotion)
@@ -148,6 +151,7 @@ def pushed(motion: ThrowMotion, reflex: ReflexConfig) -> tuple[ArmSimulation, fl
     return simulation, largest
 
 
+@pytest.mark.slow
 def test_a_late_gripper_shifts_the_release_along_the_motion(planner: ThrowPlanner) -> None:
     motion = planned(planner)
     sharp = ArmThrower(planner, ControlConfig(release_jitter=0.0)).carry_out(motion)
@@ -207,6 +211,7 @@ def test_torques_that_the_motors_lack_are_refused() -> None:
     assert refused.found > refused.allowed
 
 
+@pytest.mark.slow
 def test_the_nearest_feasible_throw_is_feasible_and_a_little_more_is_not(planner: ThrowPlanner) -> None:
     feasible = ArmFeasibility(planner, GateConfig())
     wanted = replace(PLAIN, angular_velocity=np.array([-9.0, 4.0, -4.0]))
